@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from kinemimic.pipeline.readers.recognise import read
     from kinemimic.pipeline.readers.video.options import VideoOptions
     from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-    from kinemimic.train.config.config import EnvConfig, TrainConfig, preset
+    from kinemimic.train.config.config import TrainConfig
+    from kinemimic.train.config.env_config import EnvConfig
+    from kinemimic.train.config.presets import preset
 
 __all__ = [
     "Clip",

@@ -20,8 +20,9 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
-from kinemimic.train.config.config import TrainConfig, preset
+from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.from_tracker import from_tracker
+from kinemimic.train.config.presets import preset
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner

@@ -6,7 +6,7 @@ import click
 
 from kinemimic.pipeline.cli.options import option_group
 from kinemimic.train.config.budget import MINUTES, samples
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.sim.options import engine_option
 
 training_options = option_group(

@@ -32,7 +32,8 @@ from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option
 

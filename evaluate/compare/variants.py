@@ -12,7 +12,8 @@ from typing import Any
 
 from msgspec import structs
 
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 
 # Fields of TrainConfig to change; under "env" of its EnvConfig, under "baseline" of its baseline settings.
 Changes = Mapping[str, Any]

@@ -14,7 +14,7 @@ from kinemimic.evaluate.gym.picture import picture
 from kinemimic.evaluate.gym.task import RENDER_MODES, Task, checked_render_mode, load_motion
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.sim.world import CONTROL_RATE
 
 

@@ -21,7 +21,7 @@ from kinemimic.evaluate.gym.task import RENDER_MODES, Task, Transition, checked_
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.sim.world import CONTROL_RATE
 
 Bools = NDArray[np.bool_]

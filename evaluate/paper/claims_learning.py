@@ -12,7 +12,8 @@ from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile
 from kinemimic.evaluate.paper.claim import LOSS, SETTING, Better, Claim
 from kinemimic.evaluate.paper.plan import BASELINES, OBSTACLES, PPO, RUN, VARIANTS, WALK
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 
 EPISODE = 500.0  # the paper's maximum return, assumed
 TRAINED = 1_000_000  # samples, of the paper's Fig. 7 and 8

@@ -28,7 +28,8 @@ from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.train.config.baseline_config import A2c, OffPolicy, StablePpo, require_package
-from kinemimic.train.config.config import PRESETS, TrainConfig, preset
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS, preset
 from kinemimic.train.task.env import observation_size
 
 SAMPLES = (1000, 2000, 3000)

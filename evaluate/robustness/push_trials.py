@@ -17,7 +17,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy

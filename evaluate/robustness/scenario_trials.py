@@ -21,7 +21,8 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.parallel.executor import Executor, ordered_map
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.rollout.evaluation import episode_frames
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import roll_out

@@ -13,7 +13,7 @@ from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.motion_library import Entry, MotionLibrary
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.rollout.evaluation import episode_frames, reported_phases
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import collect_here

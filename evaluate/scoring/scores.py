@@ -22,7 +22,7 @@ from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.config.config import RewardConfig
+from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.rollout.policy import training_summary
 from kinemimic.train.rollout.trajectory import Trajectory
 

@@ -17,7 +17,7 @@ from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.live.performer import Performer
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.live_reference import AHEAD, LiveReference
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy

@@ -33,7 +33,7 @@ from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.live.capture import LAG
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import node_rotations

@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
 from kinemimic.evaluate.gym import ENVIRONMENT
 from kinemimic.evaluate.gym.stable_baselines import StableBaselinesVecEnv
 from kinemimic.evaluate.gym.task import load_motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.rollout.workers import Workers

@@ -25,7 +25,8 @@ import torch
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from peers.plain_ppo import PlainPPO
 
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.mlp import choose_gradient_dtype
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.sampler import Samples

@@ -20,7 +20,7 @@ import torch
 
 from kinemimic.evaluate.gym.task import load_motion
 from kinemimic.pipeline.parallel.cluster import LOCAL
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.rollout.sampler_pool import OpenPool

@@ -19,6 +19,7 @@ from kinemimic.evaluate.policies.shipped import (
 from kinemimic.evaluate.workflow.reproduce import LARGEST, publish
 from kinemimic.pipeline.files.store import file_hash, read_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.train.config.from_tracker import NAMES
 from kinemimic.train.rollout.policy import Policy, read_record
 from kinemimic.train.rollout.tracker_file import load_tracker
 

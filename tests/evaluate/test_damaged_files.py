@@ -21,7 +21,7 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.formats.motion_json import read_motion_json
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.trajectory import Trajectory
 
 # Damages of each file: with a slow test, and with every test.

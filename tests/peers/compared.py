@@ -12,7 +12,7 @@ from kinemimic.evaluate.compare.task import scenario_identity
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.scenario.scenario_file import scenario
 from peers.constant import constant
 

@@ -14,7 +14,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, STANDING_HEIGHT
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from peers.constant import constant
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.rollout.sampler_pool import OpenPool, OpenSampler, answer
 from kinemimic.train.rollout.workers import Workers
 

@@ -9,7 +9,7 @@ from kinemimic.evaluate.policies.shipped import MOTION, POLICY, SCORES, motion_s
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import preset
+from kinemimic.train.config.presets import preset
 from peers.constant import constant
 
 RECIPES = """

@@ -22,8 +22,10 @@ from kinemimic.pipeline.files.store import file_hash, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
-from kinemimic.train.config.config import PRESETS, EnvConfig, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.from_tracker import from_tracker
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.networks import export
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.evaluation import Evaluation

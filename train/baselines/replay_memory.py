@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
 from torch import Tensor
 
-from kinemimic.train.config.config import RewardConfig
+from kinemimic.train.config.env_config import RewardConfig
 
 # Error of a term that is 0, as after a fall: it stays 0 at any scale.
 _VANISHED = 1e9

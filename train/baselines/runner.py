@@ -27,7 +27,8 @@ from kinemimic.train.baselines.model import (
 )
 from kinemimic.train.baselines.off_policy import OffPolicyModel, critic_errors, entropy_weight
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
-from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
+from kinemimic.train.config.config import TrainConfig, scheduled_at
+from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy

@@ -1,145 +1,17 @@
-"""Settings of a training, and the presets.
-
-`default` follows its reference most closely, `robust` resists disturbances, `paper` has the published values.
-The others train `default`'s task with an algorithm of stable-baselines3 (`baseline_config.py`).
-"""
+"""Settings of a training; the presets are in `presets.py`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.records import RecordError, Steps, convert
-from kinemimic.train.config.baseline_config import (
-    A2c,
-    Activation,
-    Baseline,
-    Ddpg,
-    Sac,
-    StablePpo,
-    Td3,
-)
-from kinemimic.train.scenario.scenario import Scenario
-
-# Weights of the joints in the pose error, by the body that the joint moves; they sum to one.
-POSE_WEIGHTS: dict[str, float] = {
-    "pelvis": 0.20,
-    "torso": 0.08,
-    "head": 0.02,
-    **{f"{limb}_{side}": weight
-       for side in ("left", "right")
-       for limb, weight in (("upper_arm", 0.03), ("forearm", 0.02), ("hand", 0.01),
-                            ("thigh", 0.13), ("shin", 0.11), ("foot", 0.05))},
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class RewardConfig:
-    """R = Σ wᵢ exp(-kᵢ eᵢ), Eq. 1-5.
-
-    form: "squares" takes eᵢ as a weighted mean of squares; "norm" as the norm of the difference, as
-    published, with kᵢ = 1/ωᵢ and θ = 1 (its factor is part of the weight). Terms (`reward.py`): pose (rad),
-    linear (m/s), angular (rad/s), height (m) and path, the horizontal distance of the root from its reference
-    (m), without which a humanoid walks well but too slowly. RecordError for a weight without a scale.
-    """
-
-    form: Literal["squares", "norm"] = "squares"
-    weights: dict[str, float] = field(
-        default_factory=lambda: {"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.15}
-    )
-    scales: dict[str, float] = field(
-        default_factory=lambda: {"pose": 8.0, "linear": 2.0, "angular": 0.05, "height": 40.0, "path": 8.0}
-    )
-
-    def __post_init__(self) -> None:
-        if missing := self.weights.keys() - self.scales.keys():
-            found = f"none for {', '.join(sorted(missing))}"
-            raise RecordError("scales", expected="one for each weight", found=found)
-
-
-@dataclass(frozen=True)
-class DomainRandomization:
-    """Ranges (low, high) from which an episode draws at full strength; the defaults change nothing.
-
-    push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
-    feet on the ground; mass: factor for every body; delay: s until an action takes effect, at most one
-    control step; tilt, spin: standard deviations of the initial state from the reference, rad and rad/s, at
-    the root and every joint; displacement: largest horizontal distance of the initial state from the
-    reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same.
-    """
-
-    push: tuple[float, float] = (0.0, 0.0)
-    rest: tuple[float, float] = (1.0, 3.0)
-    friction: tuple[float, float] = (0.9, 0.9)
-    mass: tuple[float, float] = (1.0, 1.0)
-    delay: tuple[float, float] = (0.0, 0.0)
-    tilt: float = 0.0
-    spin: float = 0.0
-    displacement: float = 0.0
-    pace: tuple[float, float] = (1.0, 1.0)
-
-
-# Ranges that policies of earlier versions do not state, in JSON.
-_LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0]}
-
-
-@dataclass(frozen=True)
-class Tracking:
-    """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
-    the difference to the reference now, in rotations, positions and velocities.
-
-    max_body_error: mean distance of the bodies from their references at which an episode ends, m; in a
-    training, `TrainConfig.body_error` may change it. leash: the policy observes a reference that is farther
-    away on the ground as if it were this far, m.
-    """
-
-    max_body_error: float = 0.5
-    leash: float = 0.3
-
-
-@dataclass(frozen=True)
-class EnvConfig:
-    """The task; durations in control steps of 1/30 s, lengths in metres, angles in radians.
-
-    residual: actions correct the reference's joints; without it, they are the joint targets.
-    velocity_feedforward, torque_feedforward: whether the stable PD also gets the reference's velocities and
-    the torques of its inverse dynamics (`dynamics.py`). start_anywhere: episodes start at a random phase, not
-    at phase 0. mirror: the policy learns the first half of a gait cycle and plays the second mirrored; no
-    effect on non-cyclic or too asymmetric motions (`mirror.py`). preview: how many control steps ahead the
-    policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
-    the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion
-    (`mirror.py`).
-    """
-
-    reward: RewardConfig = field(default_factory=RewardConfig)
-    episode: int = 300
-    max_height_error: float = 0.25
-    max_rotation_error: float = 1.0
-    max_drift: float = 0.6
-    residual: bool = True
-    velocity_feedforward: bool = True
-    torque_feedforward: bool = True
-    start_anywhere: bool = True
-    mirror: bool = True
-    preview: tuple[int, ...] = (1,)
-    domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
-    scenario: Scenario | None = None
-    tracking: Tracking | None = None
-
-    def __post_init__(self) -> None:
-        if not self.preview:
-            raise RecordError("preview", expected="at least one number of control steps", found="none")
-
-    @property
-    def steps(self) -> int:
-        """Control steps of an episode: its scenario's, if it has one."""
-        return self.episode if self.scenario is None else self.scenario.steps
-
+from kinemimic.train.config.baseline_config import Activation, Baseline
+from kinemimic.train.config.env_config import LATER_RANGES, EnvConfig, RewardConfig
 
 # A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
 Schedule = tuple[tuple[int, float], ...]
@@ -249,7 +121,7 @@ class TrainConfig:
             if getattr(self.env, name) is None:
                 del value["env"][name]
         drawn = value["env"]["domain_randomization"]
-        for name, unused in _LATER_RANGES.items():
+        for name, unused in LATER_RANGES.items():
             if drawn[name] == unused:
                 del drawn[name]
         return value
@@ -269,90 +141,5 @@ class TrainConfig:
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
                 drawn = env.get("domain_randomization")
                 if isinstance(drawn, dict):
-                    env["domain_randomization"] = {**_LATER_RANGES, **drawn}
+                    env["domain_randomization"] = {**LATER_RANGES, **drawn}
         return convert(value, cls, path, complete=True, within=within)
-
-
-PRESETS: dict[str, TrainConfig] = {
-    "default": TrainConfig(),
-    # For pushes, low friction, other masses and late actions. Episodes tolerate larger errors before they
-    # end; robustness costs fit. A push moves the humanoid half a metre off its path, where the path term of
-    # `default` is nearly zero and has no gradient: it would walk on too slowly. So the term has a longer
-    # range, and a larger weight, since the same distance then changes it less.
-    "robust": TrainConfig(
-        preset="robust",
-        env=EnvConfig(
-            reward=RewardConfig(
-                weights={"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.45}
-            ),
-            max_height_error=0.35,
-            max_rotation_error=1.3,
-            max_drift=1.5,
-            domain_randomization=DomainRandomization(
-                push=(0.0, 300.0),
-                rest=(1.0, 3.0),
-                friction=(0.5, 1.0),
-                mass=(0.9, 1.1),
-                delay=(0.0, 0.0125),
-                tilt=0.05,
-                spin=0.2,
-            ),
-        ),
-        action_std=((0, 0.08), (400_000, 0.05), (1_600_000, 0.03)),
-        strength=((400_000, 0.0), (1_400_000, 1.0)),
-        scales={
-            "pose": ((300_000, 8.0), (500_000, 32.0), (1_100_000, 64.0)),
-            "path": ((400_000, 8.0), (1_400_000, 2.0)),
-        },
-        budget=3_000_000,
-    ),
-    # Networks, rates, discount, batch, epochs, clip and entropy as published; one batch per epoch. The paper
-    # does not give the KL target η and the constants θ, ω, wᵢ; it has no torque feed-forward and no
-    # mirroring.
-    "paper": TrainConfig(
-        preset="paper",
-        env=EnvConfig(
-            reward=RewardConfig(
-                form="norm",
-                weights={"pose": 0.5, "linear": 0.2, "angular": 0.15, "height": 0.15},
-                scales={"pose": 1.0, "linear": 0.2, "angular": 0.05, "height": 10.0},
-            ),
-            max_drift=float("1e9"),
-            torque_feedforward=False,
-            mirror=False,
-        ),
-        hidden=(1024, 512),
-        minibatch=4096,
-        epochs=10,
-        kl_penalty=True,
-        kl_target=0.01,
-        adapt_rate=False,
-        discount=0.99,
-        learn_action_std=True,
-        action_std=((0, 0.15),),
-        scales={},
-        entropy=0.01,
-        entropy_decay=0.95,
-        budget=1_000_000,
-    ),
-    # The baselines, on `default`'s task with its networks, environments, discount and schedules of action_std
-    # and reward, except where a search (`evaluate/compare/variants.py`) found better values.
-    "ddpg": TrainConfig(
-        preset="ddpg", action_std=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), baseline=Ddpg()
-    ),
-    "td3": TrainConfig(
-        preset="td3", action_std=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), baseline=Td3()
-    ),
-    "sac": TrainConfig(preset="sac", baseline=Sac()),
-    # A quarter of the environments with four times the horizon: gradient steps on 64 new samples are four
-    # times as many as on 256, and A2C takes only one for each.
-    "a2c": TrainConfig(preset="a2c", num_envs=16, horizon=256, baseline=A2c()),
-    "sb3-ppo": TrainConfig(preset="sb3-ppo", baseline=StablePpo()),
-}
-
-
-def preset(name: str, **changes: Any) -> TrainConfig:
-    """A preset by name, with changes."""
-    if name not in PRESETS:
-        raise KinemimicError(f"expected a preset among {', '.join(PRESETS)}, found {name!r}")
-    return replace(PRESETS[name], **changes)

@@ -9,7 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.config import PRESETS, DomainRandomization, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import DomainRandomization
+from kinemimic.train.config.presets import PRESETS
 
 # Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
 POLISH, ROBUST_POLISH = "polish", "robust-polish"

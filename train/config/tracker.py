@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from kinemimic.train.config.config import DomainRandomization, EnvConfig, RewardConfig, Tracking, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig, RewardConfig, Tracking
 
 TRACKER = "tracker"
 

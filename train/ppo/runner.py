@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kinemimic.train.config.config import RewardConfig, scheduled_at
+from kinemimic.train.config.config import scheduled_at
+from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode

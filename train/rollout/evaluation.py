@@ -14,7 +14,7 @@ import numpy as np
 
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import node_rotations, roll_out

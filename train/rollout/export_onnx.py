@@ -14,7 +14,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
-from kinemimic.train.config.config import EnvConfig, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS

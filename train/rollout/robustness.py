@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import roll_out

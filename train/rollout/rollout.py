@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.body import BODY_NODES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.trajectory import Trajectory

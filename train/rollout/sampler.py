@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode, Evaluator

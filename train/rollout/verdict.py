@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from kinemimic.train.config.budget import short
-from kinemimic.train.config.config import PRESETS
 from kinemimic.train.config.from_tracker import BUDGETS, TRAIN_OPTIONS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.tracker import TRACKER
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import WALKING_R2

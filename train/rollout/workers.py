@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES

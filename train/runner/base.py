@@ -8,7 +8,8 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
-from kinemimic.train.config.config import RewardConfig, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates

@@ -11,7 +11,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import copy_file, read_json
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import best, first_walk, selection_phases
 from kinemimic.train.rollout.policy import POLICY

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply
-from kinemimic.train.config.config import DomainRandomization
+from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
 
 PUSH_STEPS = 6  # control steps: 0.2 s

@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_6d,
 )
 from kinemimic.retarget.humanoid.body import BODIES
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.scenario.scenario_manager import ScenarioManager
 from kinemimic.train.sim.world import (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import angle_between, rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX, BODY_NAMES
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.reward import pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from kinemimic.retarget.humanoid.body import BODIES
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 
 
 def layout(config: EnvConfig) -> list[dict[str, Any]]:

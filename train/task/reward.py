@@ -12,7 +12,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, to_rotvec
 from kinemimic.retarget.humanoid.body import BODY_NAMES
-from kinemimic.train.config.config import POSE_WEIGHTS, RewardConfig
+from kinemimic.train.config.env_config import POSE_WEIGHTS, RewardConfig
 from kinemimic.train.sim.world import JOINT_PARENTS, BodyStates
 
 _WEIGHTS: Array = np.array([POSE_WEIGHTS[name] for name in BODY_NAMES])

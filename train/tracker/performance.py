@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
 from kinemimic.train.rollout.evaluation import CYCLIC_FRAMES, Episode
 from kinemimic.train.rollout.policy import Policy

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
+from kinemimic.train.config.config import TrainConfig, scheduled_at
+from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference_library import ReferenceLibrary

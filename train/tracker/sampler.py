@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
 from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode

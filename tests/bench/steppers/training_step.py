@@ -6,7 +6,7 @@ import figure
 import numpy as np
 from measuring import print_alone
 
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE

@@ -20,7 +20,7 @@ from kinemimic.evaluate.compare.task import Task
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 
 SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 BUDGETS = (SMALL.batch, 3 * SMALL.batch)

@@ -9,7 +9,7 @@ import pytest
 
 from kinemimic.evaluate.compare.task import Task
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.scenario.scenario_file import scenario
 
 

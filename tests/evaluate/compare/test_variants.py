@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from kinemimic.evaluate.compare.variants import ABLATION, SEARCH, ablation, search
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 
 # Variants that change several settings: one rule, one size of the batch.
 SEVERAL = {

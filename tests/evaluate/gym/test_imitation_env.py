@@ -20,7 +20,7 @@ from kinemimic.evaluate.gym.task import ACTION_LIMIT
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.retarget.formats.motion_json import read_motion_json
-from kinemimic.train.config.config import DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Load, Range, Scenario

@@ -18,7 +18,7 @@ from kinemimic.evaluate.gym import ENVIRONMENT
 from kinemimic.evaluate.gym.imitation_env import ImitationEnv
 from kinemimic.evaluate.gym.imitation_vector_env import ImitationVectorEnv
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.config import DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.task.env import ACTIONS
 
 SIZE, STEPS = 4, 25

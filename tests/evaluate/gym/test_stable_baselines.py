@@ -16,7 +16,7 @@ from kinemimic.evaluate.gym.imitation_env import ImitationEnv
 from kinemimic.evaluate.gym.imitation_vector_env import ImitationVectorEnv
 from kinemimic.evaluate.gym.stable_baselines import StableBaselinesVecEnv
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 
 SIZE = 3
 SHORT = replace(EnvConfig(), episode=6)

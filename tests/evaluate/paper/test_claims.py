@@ -24,7 +24,7 @@ from kinemimic.evaluate.paper.claim import (
 )
 from kinemimic.evaluate.paper.claims import claims
 from kinemimic.evaluate.paper.plan import AMONG, SCENARIOS
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 
 
 def _cells(

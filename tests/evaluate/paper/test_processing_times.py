@@ -26,7 +26,8 @@ from kinemimic.evaluate.paper.processing_times import (
     timed,
 )
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 
 SMALL = (12, 8)

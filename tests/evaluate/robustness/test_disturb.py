@@ -25,7 +25,7 @@ from kinemimic.evaluate.robustness.scenario_trials import (
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios

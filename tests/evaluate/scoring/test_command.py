@@ -11,7 +11,7 @@ from kinemimic.evaluate.scoring import command as stage
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.trajectory import Trajectory

@@ -14,7 +14,7 @@ from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import inline_svg
 from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 
 VOID = {"meta", "img", "source", "br"}
 

@@ -8,7 +8,7 @@ from kinemimic.evaluate.scoring.capture_fit import Capture
 from kinemimic.evaluate.scoring.scores import compose, root_path, survival, torque
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 
 POLICY = {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7, "config": {"budget": 2000}}
 REWARD = replace(PRESETS["default"].final_reward, weights={"pose": 0.6, "height": 0.4})

@@ -4,7 +4,7 @@ from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.files.store import read_json
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 
 
 def spread(value):

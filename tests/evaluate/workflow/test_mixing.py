@@ -17,7 +17,7 @@ from kinemimic.pipeline.run_folder.lock import _lock
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.formats.motion_json import read_motion_json
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout import evaluation
 
 

@@ -27,7 +27,7 @@ from kinemimic.pipeline.files.store import file_hash, read_json, write_json
 from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 
 WALK = Recipe("walk", "a made-up walk", "default", 5, 3)
 RUN = structs.replace(WALK, name="run", stock="run")

@@ -11,7 +11,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.baselines.env import ImitationVecEnv
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
-from kinemimic.train.config.config import PRESETS, DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.sim.engines import open_world

@@ -31,7 +31,8 @@ from kinemimic.train.baselines.off_policy import OffPolicyModel, critic_errors, 
 from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner
 from kinemimic.train.config import baseline_config as rival_config
 from kinemimic.train.config.baseline_config import A2c, Ddpg, OffPolicy, StablePpo
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.export_onnx import write_onnx
 from kinemimic.train.rollout.policy import Policy

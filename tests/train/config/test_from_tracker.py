@@ -7,8 +7,10 @@ from dataclasses import replace
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.config import PRESETS, DomainRandomization, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.config.from_tracker import BUDGETS, NAMES, TRAIN_OPTIONS, from_tracker
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.tracker import tracker_config
 
 TRACKER = tracker_config()

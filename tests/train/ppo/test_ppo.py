@@ -9,7 +9,8 @@ import pytest
 import torch
 from peers.plain_ppo import PlainPPO
 
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo import networks
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.networks import Normalizer

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from peers.trackers import CONFIG, shipped_motion
 
-from kinemimic.train.config.config import DomainRandomization
+from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.sim.engines import open_world

@@ -9,7 +9,7 @@ import pytest
 from peers.constant import constant
 
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.evaluation import (

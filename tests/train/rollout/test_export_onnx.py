@@ -22,7 +22,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.export_onnx import IR, OPSET, metadata, onnx_model, write_onnx
 from kinemimic.train.rollout.policy import Policy, normalized

@@ -12,7 +12,8 @@ from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid import body
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy, read_record

@@ -10,7 +10,7 @@ from peers.constant import constant
 from peers.inline_workers import InlineWorkers
 
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout import robustness as ordeal
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES, RobustnessEvaluation

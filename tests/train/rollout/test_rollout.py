@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.task.env import ACTIONS, ImitationBatch

@@ -13,7 +13,7 @@ from peers.constant import constant
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.rollout import sampler as rollout
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Sampler, Samples

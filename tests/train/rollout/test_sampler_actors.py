@@ -17,7 +17,7 @@ from peers.ray_nodes import RayNodes, kill_actor, node_of
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.node_identity import NodeIdentity
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.rollout.sampler_pool import OpenPool, SamplerPool
 from kinemimic.train.rollout.sampler_processes import SamplerProcesses
 from kinemimic.train.rollout.simulators import simulators

@@ -26,7 +26,8 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
-from kinemimic.train.config.config import PRESETS, DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.policy import POLICY, load_trained

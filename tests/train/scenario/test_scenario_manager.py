@@ -10,7 +10,7 @@ import pytest
 
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario

@@ -7,7 +7,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from kinemimic.train.config.config import DomainRandomization, EnvConfig, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.sim.world import FRICTION, Poses
 from kinemimic.train.task.domain_randomization import MAX_PUSHES, PUSH_STEPS, RandomizationSample, draw
 

@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import DomainRandomization, EnvConfig
+from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.pybullet_world import BulletWorld

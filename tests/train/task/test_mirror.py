@@ -11,7 +11,7 @@ from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.humanoid.body import BODY_NAMES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, Poses

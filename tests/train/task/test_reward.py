@@ -10,7 +10,8 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_rotvec, multiply
 from kinemimic.retarget.humanoid.body import BODY_INDEX
-from kinemimic.train.config.config import POSE_WEIGHTS, PRESETS, RewardConfig
+from kinemimic.train.config.env_config import POSE_WEIGHTS, RewardConfig
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.reward import errors, pose, pose_turns, rewards

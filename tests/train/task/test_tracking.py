@@ -9,7 +9,8 @@ import pytest
 
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, Tracking, TrainConfig
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import EnvConfig, Tracking
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
 from kinemimic.train.sim.engines import open_world

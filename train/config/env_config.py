@@ -1,0 +1,123 @@
+"""Settings of the task: its reward, domain randomization, and when an episode ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from kinemimic.pipeline.files.records import RecordError
+from kinemimic.train.scenario.scenario import Scenario
+
+# Weights of the joints in the pose error, by the body that the joint moves; they sum to one.
+POSE_WEIGHTS: dict[str, float] = {
+    "pelvis": 0.20,
+    "torso": 0.08,
+    "head": 0.02,
+    **{f"{limb}_{side}": weight
+       for side in ("left", "right")
+       for limb, weight in (("upper_arm", 0.03), ("forearm", 0.02), ("hand", 0.01),
+                            ("thigh", 0.13), ("shin", 0.11), ("foot", 0.05))},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RewardConfig:
+    """R = Σ wᵢ exp(-kᵢ eᵢ), Eq. 1-5.
+
+    form: "squares" takes eᵢ as a weighted mean of squares; "norm" as the norm of the difference, as
+    published, with kᵢ = 1/ωᵢ and θ = 1 (its factor is part of the weight). Terms (`reward.py`): pose (rad),
+    linear (m/s), angular (rad/s), height (m) and path, the horizontal distance of the root from its reference
+    (m), without which a humanoid walks well but too slowly. RecordError for a weight without a scale.
+    """
+
+    form: Literal["squares", "norm"] = "squares"
+    weights: dict[str, float] = field(
+        default_factory=lambda: {"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.15}
+    )
+    scales: dict[str, float] = field(
+        default_factory=lambda: {"pose": 8.0, "linear": 2.0, "angular": 0.05, "height": 40.0, "path": 8.0}
+    )
+
+    def __post_init__(self) -> None:
+        if missing := self.weights.keys() - self.scales.keys():
+            found = f"none for {', '.join(sorted(missing))}"
+            raise RecordError("scales", expected="one for each weight", found=found)
+
+
+@dataclass(frozen=True)
+class DomainRandomization:
+    """Ranges (low, high) from which an episode draws at full strength; the defaults change nothing.
+
+    push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
+    feet on the ground; mass: factor for every body; delay: s until an action takes effect, at most one
+    control step; tilt, spin: standard deviations of the initial state from the reference, rad and rad/s, at
+    the root and every joint; displacement: largest horizontal distance of the initial state from the
+    reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same.
+    """
+
+    push: tuple[float, float] = (0.0, 0.0)
+    rest: tuple[float, float] = (1.0, 3.0)
+    friction: tuple[float, float] = (0.9, 0.9)
+    mass: tuple[float, float] = (1.0, 1.0)
+    delay: tuple[float, float] = (0.0, 0.0)
+    tilt: float = 0.0
+    spin: float = 0.0
+    displacement: float = 0.0
+    pace: tuple[float, float] = (1.0, 1.0)
+
+
+# Ranges that policies of earlier versions do not state, in JSON.
+LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0]}
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
+    the difference to the reference now, in rotations, positions and velocities.
+
+    max_body_error: mean distance of the bodies from their references at which an episode ends, m; in a
+    training, `TrainConfig.body_error` may change it. leash: the policy observes a reference that is farther
+    away on the ground as if it were this far, m.
+    """
+
+    max_body_error: float = 0.5
+    leash: float = 0.3
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """The task; durations in control steps of 1/30 s, lengths in metres, angles in radians.
+
+    residual: actions correct the reference's joints; without it, they are the joint targets.
+    velocity_feedforward, torque_feedforward: whether the stable PD also gets the reference's velocities and
+    the torques of its inverse dynamics (`dynamics.py`). start_anywhere: episodes start at a random phase, not
+    at phase 0. mirror: the policy learns the first half of a gait cycle and plays the second mirrored; no
+    effect on non-cyclic or too asymmetric motions (`mirror.py`). preview: how many control steps ahead the
+    policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
+    the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion
+    (`mirror.py`).
+    """
+
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    episode: int = 300
+    max_height_error: float = 0.25
+    max_rotation_error: float = 1.0
+    max_drift: float = 0.6
+    residual: bool = True
+    velocity_feedforward: bool = True
+    torque_feedforward: bool = True
+    start_anywhere: bool = True
+    mirror: bool = True
+    preview: tuple[int, ...] = (1,)
+    domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
+    scenario: Scenario | None = None
+    tracking: Tracking | None = None
+
+    def __post_init__(self) -> None:
+        if not self.preview:
+            raise RecordError("preview", expected="at least one number of control steps", found="none")
+
+    @property
+    def steps(self) -> int:
+        """Control steps of an episode: its scenario's, if it has one."""
+        return self.episode if self.scenario is None else self.scenario.steps
