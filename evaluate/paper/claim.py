@@ -22,6 +22,14 @@ INCOMPARABLE = "not comparable"
 
 
 @dataclass(frozen=True)
+class Best:
+    """What the best of the policies that ship reaches, in a claim's unit."""
+
+    value: float
+    policy: str
+
+
+@dataclass(frozen=True)
 class Claim:
     """A claim, our number, and what its verdict depends on.
 
@@ -31,7 +39,7 @@ class Claim:
     differs or is not comparable, and failing: the algorithm that failed; low, high: 95 % interval of ours, if
     any; unequal: PPO had more samples than the baseline; short: there were fewer samples than in the paper;
     sizes: the paper's lead and ours in comparable form where the numbers themselves are not comparable (times
-    of two machines).
+    of two machines); best: of our policies that ship, whatever their samples; no verdict depends on it.
     """
 
     figure: str
@@ -48,6 +56,7 @@ class Claim:
     unequal: bool = False
     short: bool = False
     sizes: tuple[float, float] | None = None
+    best: Best | None = None
 
     @property
     def verdict(self) -> str:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper.claim import formatted
 from kinemimic.evaluate.paper.sections import disturbances, processing, room, training
-from kinemimic.evaluate.paper.summary import counts, is_worse, ours_with_interval
+from kinemimic.evaluate.paper.summary import counts, is_worse, our_best, ours_with_interval
 from kinemimic.pipeline.cli.html import render
 from kinemimic.pipeline.cli.picture import Draw
 
@@ -42,7 +42,9 @@ def _claims(claims: Sequence[Row]) -> dict[str, Any]:
         if is_worse(verdict):
             verdict = Markup("<strong>{}</strong>").format(verdict)
         paper = formatted(claim["paper"], claim["unit"])
-        rows.append([claim["figure"], claim["what"], paper, ours_with_interval(claim), verdict])
+        rows.append(
+            [claim["figure"], claim["what"], paper, ours_with_interval(claim), our_best(claim), verdict]
+        )
     return {
         "claims": rows,
         "summary": counts(claims),

@@ -22,7 +22,9 @@ VARIANTS: Mapping[str, str] = {
 }
 # Names of the algorithms in `processing_times.py`.
 ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C", "sb3-ppo": "SB3 PPO"}
-ROBUST = "PPO, robust"  # trained with pushes; shipped, not compared by lead
+# Policies that ship take part beside the algorithms, as our best; their names, and those of their folders.
+LONGER, ROBUST = "PPO, shipped walk", "PPO, robust"
+OURS: Mapping[str, str] = {LONGER: "walk", ROBUST: "robust_walk"}
 AMONG = ", among obstacles"  # suffix of policies trained among obstacles
 
 # Baseline -> the PPO policy whose lead over it is computed.
@@ -62,12 +64,13 @@ def compared_policies(comparison: Comparison) -> dict[str, list[TrainedPolicy]]:
         f"{name}{AMONG}": comparison.policies(OBSTACLES, variant, f"{name}{AMONG}")
         for name, variant in variants.items()
     }
-    return {**walkers, ROBUST: [_robust()], **among}
+    return {**walkers, **{name: [shipped(name)] for name in OURS}, **among}
 
 
-def _robust() -> TrainedPolicy:
-    motion, policy, record = load_trained(POLICIES / "robust_walk")
-    return TrainedPolicy.of(ROBUST, motion, policy, record)
+def shipped(name: str) -> TrainedPolicy:
+    """The policy of a name in OURS."""
+    motion, policy, record = load_trained(POLICIES / OURS[name])
+    return TrainedPolicy.of(name, motion, policy, record)
 
 
 def policies_in(scenario: str, variants: Collection[str]) -> tuple[str, ...]:
@@ -75,5 +78,5 @@ def policies_in(scenario: str, variants: Collection[str]) -> tuple[str, ...]:
 
     variants: names of the algorithms, of `compared_variants`.
     """
-    walkers = (*variants, ROBUST)
+    walkers = (*variants, *OURS)
     return (*walkers, *(f"{name}{AMONG}" for name in variants)) if scenario == SEVERAL else walkers

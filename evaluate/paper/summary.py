@@ -63,13 +63,24 @@ def ours_with_interval(claim: Row) -> str:
     return f"{text} ({between(claim['low'], claim['high'], claim['unit'])})"
 
 
+def our_best(claim: Row) -> str:
+    """The best of our policies that ship, where the verdict is against us."""
+    if claim["best"] is None or not is_worse(claim["verdict"]):
+        return ""
+    return f"{formatted(claim['best']['value'], claim['unit'])} ({claim['best']['policy']})"
+
+
 def markdown(claims: Sequence[Row]) -> str:
     """Counts, and a table of the claims that could be compared."""
     lines = [f"- {number} {label}" for number, label in counts(claims)]
-    lines += ["", "| | claim | paper | here (95 % interval) | verdict |", "|---|---|---|---|---|"]
+    lines += [
+        "",
+        "| | claim | paper | here (95 % interval) | our best | verdict |",
+        "|---|---|---|---|---|---|",
+    ]
     lines += [
         f"| {claim['figure']} | {claim['what']} | {formatted(claim['paper'], claim['unit'])} "
-        f"| {ours_with_interval(claim)} | {claim['verdict']} |"
+        f"| {ours_with_interval(claim)} | {our_best(claim)} | {claim['verdict']} |"
         for claim in claims
         if claim["verdict"] and (claim["ours"] is not None or claim["verdict"].startswith(CONFIRMED))
     ]

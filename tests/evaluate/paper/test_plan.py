@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.plan import OBSTACLES, ROBUST, compared_policies, compared_variants, policies_in
+from kinemimic.evaluate.paper.plan import OBSTACLES, OURS, compared_policies, compared_variants, policies_in
 from kinemimic.pipeline.errors import KinemimicError
 
 PAPER = ("default", "ddpg", "a2c")
@@ -17,9 +17,9 @@ PAPER = ("default", "ddpg", "a2c")
 def test_the_papers_algorithms_are_enough(compared: Callable[..., Path]) -> None:
     found = compared_variants(Comparison.load(compared(variants=PAPER)))
     assert list(found.items()) == [("PPO", "default"), ("DDPG", "ddpg"), ("A2C", "a2c")]
-    assert policies_in("pull-forward", found) == ("PPO", "DDPG", "A2C", ROBUST)
+    assert policies_in("pull-forward", found) == ("PPO", "DDPG", "A2C", *OURS)
     among = ("PPO, among obstacles", "DDPG, among obstacles", "A2C, among obstacles")
-    assert policies_in("several-obstacles", found) == ("PPO", "DDPG", "A2C", ROBUST, *among)
+    assert policies_in("several-obstacles", found) == ("PPO", "DDPG", "A2C", *OURS, *among)
 
 
 def test_others_take_part_where_they_were_trained(compared: Callable[..., Path]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from kinemimic.evaluate.paper.claim import CONFIRMED, LARGER, SHORT, SMALLER, UNSURE
-from kinemimic.evaluate.paper.summary import counts, is_worse
+from kinemimic.evaluate.paper.summary import counts, is_worse, our_best
 
 VERDICTS = {
     "better": ["better"],
@@ -31,3 +31,9 @@ def test_every_verdict_is_counted_once_and_in_its_place() -> None:
 @pytest.mark.parametrize("kind", VERDICTS)
 def test_only_what_is_against_us_or_uncertain_is_marked(kind: str) -> None:
     assert {is_worse(verdict) for verdict in VERDICTS[kind]} == {kind == "worse"}
+
+
+def test_our_best_stands_only_where_the_verdict_is_against_us() -> None:
+    claim = {"best": {"value": 5.17, "policy": "PPO, robust"}, "unit": "%", "verdict": "worse"}
+    assert our_best(claim) == "5.2\u00a0% (PPO, robust)"
+    assert our_best({**claim, "verdict": "better"}) == our_best({**claim, "best": None}) == ""
