@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-truth sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -218,6 +218,9 @@ bench-stream: setup ## Compare ten live captures with the offline path (KINEMIMI
 sensor-accuracy: setup ## Compare a Kinect's knee and hip with a Vicon's, before and after cleaning
 	$(BIN)/python tests/bench/sensor_accuracy.py "$${KINEMIMIC_CAPTURES:-../shared/captures}" runs/sensor-accuracy
 	$(BIN)/python tests/bench/azure_accuracy.py "$${KINEMIMIC_SENSORS:-../shared/sensors}" runs/sensor-accuracy
+
+tracker-ablation: setup ## Train the tracker without each of its parts, two seeds (days): LIBRARY= of `make library` (SAMPLES=)
+	$(BIN)/python tests/bench/tracker_ablation.py "$(LIBRARY)" runs/tracker-ablation $(if $(SAMPLES),--samples "$(SAMPLES)")
 
 video-accuracy: setup ## Compare a video's knee and hip with optical capture's, with an ablation of the fit
 	$(BIN)/python tests/bench/video_accuracy.py "$${KINEMIMIC_VIDEOS:-../shared/sensors/video_opencap}" runs/video-accuracy

@@ -43,14 +43,14 @@ __all__ = [
 
 _MODULES = {
     "Clip": "pipeline.kinematics.clip",
-    "EnvConfig": "train.config.config",
+    "EnvConfig": "train.config.env_config",
     "KinemimicError": "pipeline.errors",
     "Motion": "retarget.humanoid.motion",
     "Run": "evaluate.workflow.run_object",
     "TrainConfig": "train.config.config",
     "VideoOptions": "pipeline.readers.video.options",
     "joint_angles": "retarget.humanoid.motion",
-    "preset": "train.config.config",
+    "preset": "train.config.presets",
     "read": "pipeline.readers.recognise",
     "reported_to": "pipeline.cli.progress",
     "run": "evaluate.workflow.run_object",
