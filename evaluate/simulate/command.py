@@ -5,83 +5,44 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Mapping
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import click
 
-from kinemimic.evaluate.policies.recipe import POLICIES
-from kinemimic.evaluate.policies.shipped import ShippedPolicies, run_options
+from kinemimic.evaluate.policies.shipped import run_options
+from kinemimic.evaluate.simulate.repertoire import MOTION, Repertoire
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import copy_file
 from kinemimic.train.rollout.policy import POLICY, is_tracker, read_record
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option
 
 DEFAULT_PORT = 8090
-MOTION, REPLAY = "motion.json", "session.rrd"
+REPLAY = "session.rrd"
 
 
-def replay_session(folder: Path, *, view: bool = True) -> dict[str, object]:
+def replay_session(folder: Path) -> dict[str, Any]:
     """Simulate a recorded session again, write session.rrd to its folder, and return its score.
 
     KinemimicError for a damaged recording, and where a state differs from the recorded one in any bit.
     """
-    from kinemimic.evaluate.simulate.recording import replay  # noqa: PLC0415 (import cost)
-    from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.recording import Replay  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.simulate.replay_view import write_replay  # noqa: PLC0415 (loads rerun)
+    from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415 (import cost)
 
-    shown = list(replay(folder, named=scenario))
-    if not shown:
+    replay = Replay(folder, named=scenario)
+    frames = list(replay)
+    if not frames:
         raise KinemimicError(f"{folder}: expected a session with control steps, found none")
-    frames, score = [frame for frame, _ in shown], shown[-1][1]
-    if view:
-        from kinemimic.evaluate.simulate.replay_view import write_replay  # noqa: PLC0415 (loads rerun)
-
-        # A session that a live capture drove has no motion.
-        motion = read_motion_json(folder / MOTION) if (folder / MOTION).exists() else None
-        write_replay(folder / REPLAY, frames, motion, score)
-    return {"steps": len(frames), "score": None if score is None else asdict(score)}
-
-
-class Repertoire:
-    """The policies and motions that the page offers, and the run folders that hold them.
-
-    run: the folder that was asked for; folder: where the others are prepared.
-    """
-
-    def __init__(self, run: Path, folder: Path) -> None:
-        self._run, self._folder = run, folder
-        self._shipped = ShippedPolicies()
-        self.any_motion = is_tracker(read_record((run / POLICY).with_suffix(".json")))
-        with_motion = [name for name in self._shipped.names() if (POLICIES / name / MOTION).is_file()]
-        taken = {*with_motion, *self._shipped.trackers()}
-        self.own = f"{run.name} (this run)" if run.name in taken else run.name
-        self.policies = tuple(dict.fromkeys((self.own, *self._shipped.trackers(), *with_motion)))
-        self.motions: Mapping[str, Path] = {
-            **{name: POLICIES / name / MOTION for name in with_motion},
-            self.own: run / MOTION,
-        }
-
-    def prepared(self, policy: str, motion: str) -> tuple[Path, str]:
-        """The run folder of a policy with a motion, and the name of the motion that it has."""
-        if policy not in self.policies or motion not in self.motions:
-            raise KinemimicError(f"expected a policy and a motion of the lists, found {policy}, {motion}")
-        if policy == self.own and (motion == self.own or not self.any_motion):
-            return self._run, self.own
-        if policy not in self._shipped.trackers() and policy != self.own:
-            folder = self._folder / policy
-            self._shipped.prepare(policy, folder)
-            return folder, policy
-        folder = self._folder / f"{policy}-{motion}".replace(" (this run)", "")
-        folder.mkdir(parents=True, exist_ok=True)
-        copy_file(self.motions[motion], folder / MOTION)
-        self._shipped.prepare(str(self._run) if policy == self.own else policy, folder)
-        return folder, motion
+    # A session that a live capture drove has no motion.
+    motion = read_motion_json(folder / MOTION) if (folder / MOTION).exists() else None
+    write_replay(folder / REPLAY, frames, motion, replay.score)
+    return {"steps": len(frames), "score": None if replay.score is None else replay.score.to_json()}
 
 
 def simulate(
@@ -175,7 +136,7 @@ def command(
     if is_recording:
         found = replay_session(run)
         if as_json:
-            click.echo(json.dumps(found, indent=2))
+            click.echo(json.dumps(found, indent=2, allow_nan=False))
             return
         from kinemimic.evaluate.view.command import how_to_open  # noqa: PLC0415 (import cost)
 
@@ -186,8 +147,8 @@ def command(
     simulate(run, engine=engine, port=port, seconds=seconds, restart=restart)
 
 
-def _words(found: Mapping[str, object]) -> str:
-    from kinemimic.evaluate.simulate.session import Score  # noqa: PLC0415 (import cost)
+def _words(found: Mapping[str, Any]) -> str:
+    from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
 
     score = found["score"]
-    return str(Score(**score)) if isinstance(score, dict) else "too short for a score"
+    return "too short for a score" if score is None else str(Score.from_json(score))

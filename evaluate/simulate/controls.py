@@ -11,8 +11,8 @@ import numpy as np
 import viser
 from viser import uplot
 
+from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.inputs import Carry, Clear, Enter, Ground, Input, Push, Restart, Throw
-from kinemimic.evaluate.simulate.session import Frame
 from kinemimic.train.sim.world import CONTROL_RATE
 
 Send = Callable[[viser.GuiEvent[Any], Input], None]

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.simulate.balance import balance_actions, holds
+from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Shown
 from kinemimic.evaluate.simulate.inputs import Enter, Input
-from kinemimic.evaluate.simulate.session import Frame, LiveSettings, Session, Shown
+from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.capture import LiveCapture
@@ -84,6 +85,7 @@ class LiveSession(Session):
         if isinstance(found, CapturedFrame):
             try:
                 self.capture.take(found)
+                self.complaint = ""
             except KinemimicError as error:
                 self.complaint = str(error)
             return

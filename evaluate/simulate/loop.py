@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from kinemimic.evaluate.simulate.clock import Clock
+from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.inputs import Drag, Input, checked
 from kinemimic.evaluate.simulate.recording import Recorder, next_folder
-from kinemimic.evaluate.simulate.session import Frame, Session
+from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SHOW_INTERVAL = 6  # control steps between two updates of numbers and curves
-IDLE = 1.0 / CONTROL_RATE
 
 
 class Shown(Protocol):
@@ -43,8 +43,12 @@ class Performed:
 
 
 class Loop:
-    """Runs a session; open_session: for what people choose; recordings: their folder; frames: what a live
-    capture has sent until a time, in s since the loop began."""
+    """Runs a session.
+
+    open_session: for what people choose; recordings: their folder; frames: what a live capture has sent until
+    a time, in s since the loop began; waits: whether it can wait while the session is paused, as a file can;
+    recorded: folders of the recordings.
+    """
 
     def __init__(
         self,
@@ -57,10 +61,12 @@ class Loop:
         choose: Callable[[str, str, float], Performed],
         recordings: Path,
         frames: Callable[[float], Sequence[CapturedFrame]] | None = None,
+        waits: bool = False,
     ) -> None:
         self._performed, self._page, self._clock = performed, page, clock
         self._engine, self._open, self._choose = engine, open_session, choose
-        self._recordings, self._frames = recordings, frames
+        self._recordings, self._frames, self._waits = recordings, frames, waits
+        self.recorded: list[Path] = []
         self._beats = 0
         self.session = open_session(performed)
         self.recorder: Recorder | None = None
@@ -85,9 +91,12 @@ class Loop:
     def beat(self) -> None:
         """Take the inputs, and do a control step unless the session is paused."""
         self._take_inputs()
-        sent = [] if self._frames is None else self._frames(self._beats / CONTROL_RATE)
-        self._beats += 1
-        if self.paused and not self._steps_asked:
+        still = self.paused and not self._steps_asked
+        sent: Sequence[CapturedFrame] = []
+        if self._frames is not None and not (still and self._waits):
+            sent = self._frames(self._beats / CONTROL_RATE)
+            self._beats += 1
+        if still:
             if self._frame is not None:
                 self._page.show(self._frame, self._state())
             return
@@ -164,6 +173,7 @@ class Loop:
             folder, self._performed.run, self._engine, restart=session.restart, speed=self._performed.speed,
             live=session.live,
         )  # fmt: skip
+        self.recorded.append(folder)
         self._page.tell(f"recording into {folder}")
 
     def _end_recording(self) -> None:

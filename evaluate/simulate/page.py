@@ -18,9 +18,9 @@ import numpy as np
 import viser
 
 from kinemimic.evaluate.simulate.controls import Actions, Choices, Controls
+from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.guard import HOST, Guard, guarded
 from kinemimic.evaluate.simulate.inputs import Drag, Input, Release, finite
-from kinemimic.evaluate.simulate.session import Frame
 from kinemimic.evaluate.simulate.stage import Stage
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
@@ -82,11 +82,6 @@ class Page:
     def address(self) -> str:
         """Where to open the page."""
         return f"http://{HOST}:{self._server.get_port()}/?token={self._guard.token}"
-
-    @property
-    def viewers(self) -> int:
-        """Browsers that look now."""
-        return len(self._server.get_clients())
 
     def _connected(self, client: viser.ClientHandle) -> None:
         narrow = client.camera.aspect <= NARROW

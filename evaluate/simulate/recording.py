@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
+from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Score
 from kinemimic.evaluate.simulate.inputs import Input, decoded
 from kinemimic.evaluate.simulate.live_session import LiveSession
-from kinemimic.evaluate.simulate.session import Frame, LiveSettings, Score, Session
+from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.store import copy_file
@@ -32,7 +33,8 @@ COPIED = ("policy.json", POLICY)
 MOTION = "motion.json"  # of a session that no live capture drives
 DIGEST_INTERVAL = CONTROL_RATE  # control steps
 T = TypeVar("T")
-_LIMIT = 256 * MEGABYTE  # two days of digests, a million drags, or two hours of a live capture
+_LIMIT = 256 * MEGABYTE  # a million drags, or two hours of a live capture
+MAX_STEPS = 2 * 3600 * CONTROL_RATE  # of a recording; a replay holds all of them in memory
 
 
 class _Header(Struct):
@@ -41,7 +43,7 @@ class _Header(Struct):
     schema: int
     engine: str
     restart: bool = True
-    speed: float = 1.0
+    speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
     live: LiveSettings | None = None
 
 
@@ -100,18 +102,18 @@ class Recorder:
         folder.mkdir(parents=True)
         for name in COPIED if live else (MOTION, *COPIED):
             copy_file(run / name, folder / name)
-        self.folder, self._size = folder, 0
+        self.folder, self._size, self._steps = folder, 0, 0
         self._file = (folder / SESSION).open("x", encoding="utf-8")
         header = _Header(SCHEMA, engine, restart, speed, live)
         self._write(msgspec.to_builtins(header))
 
     @property
     def full(self) -> bool:
-        """Whether the recording has reached the size up to which `replay` reads."""
-        return self._size > _LIMIT - MEGABYTE
+        """Whether the recording has reached the size or the length up to which `replay` reads."""
+        return self._size > _LIMIT - MEGABYTE or self._steps >= MAX_STEPS
 
     def _write(self, line: Mapping[str, Any]) -> None:
-        self._size += self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        self._size += self._file.write(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
         self._file.flush()
 
     def input(self, step: int, found: Input | CapturedFrame) -> None:
@@ -121,6 +123,7 @@ class Recorder:
 
     def advanced(self, session: Session) -> None:
         """A control step was done; every second, the digest of the state is written."""
+        self._steps = session.step_count
         if session.step_count % DIGEST_INTERVAL == 0:
             self._write({"step": session.step_count, "digest": session.digest()})
 
@@ -128,30 +131,48 @@ class Recorder:
         """End the recording with its score."""
         score = session.score()
         last = {"step": session.step_count, "digest": session.digest()}
-        self._write({**last, "score": None if score is None else asdict(score)})
+        self._write({**last, "score": None if score is None else score.to_json()})
         self._file.close()
 
 
-def replay(folder: Path, *, named: Callable[[str], Scenario]) -> Iterator[tuple[Frame, Score | None]]:
-    """The frames of a recorded session, and the score after each.
+class Replay:
+    """A recorded session: iterating over it simulates it again, frame by frame, once. score: at its end.
 
     KinemimicError for a damaged file, and where the state differs from the recorded one: another processor or
     another version of the engine computes other last bits.
     """
-    path = folder / SESSION
-    lines = _lines(path)
-    number, text = next(lines, (1, b""))
-    header = _decoded(path, number, text, _Header)
-    if header.schema != SCHEMA:
-        raise CaptureError(path, where="line 1", expected=f"schema {SCHEMA}", found=str(header.schema))
-    session = _begun(folder, header, named)
+
+    def __init__(self, folder: Path, *, named: Callable[[str], Scenario]) -> None:
+        self._folder, self._named = folder, named
+        self.score: Score | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        path = self._folder / SESSION
+        lines = _lines(path)
+        number, text = next(lines, (1, b""))
+        header = _decoded(path, number, text, _Header)
+        if header.schema != SCHEMA:
+            raise CaptureError(path, where="line 1", expected=f"schema {SCHEMA}", found=str(header.schema))
+        session = _begun(self._folder, header, self._named)
+        try:
+            yield from _replayed(path, lines, session)
+            self.score = session.score()
+        finally:
+            session.close()
+
+
+def _replayed(path: Path, lines: Iterator[tuple[int, bytes]], session: Session) -> Iterator[Frame]:
+    """The frames of a session, from the lines behind the header."""
     for number, text in lines:
         line = _decoded(path, number, text, _Line)
         if line.step < session.step_count:
             found = f"{line.step} after {session.step_count}"
             raise CaptureError(path, where=f"line {number}", expected="steps in order", found=found)
+        if line.step > min(session.step_count + DIGEST_INTERVAL, MAX_STEPS):
+            expected = f"a line every {DIGEST_INTERVAL} control steps, {MAX_STEPS:,} at most"
+            raise CaptureError(path, where=f"line {number}", expected=expected, found=f"step {line.step:,}")
         while session.step_count < line.step:
-            yield session.advance(), session.score()
+            yield session.advance()
         try:
             if line.input is not None:
                 session.apply(decoded(json.dumps(line.input)))
@@ -166,7 +187,6 @@ def replay(folder: Path, *, named: Callable[[str], Scenario]) -> Iterator[tuple[
                 expected=f"the recorded state after control step {line.step}",
                 found="another: the engine, its version or the processor differs",
             )
-    session.close()
 
 
 def _begun(folder: Path, header: _Header, named: Callable[[str], Scenario]) -> Session:
@@ -186,7 +206,8 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
 
 def _decoded(path: Path, number: int, text: bytes, kind: type[T]) -> T:
     try:
-        return msgspec.json.decode(text, type=kind)
+        # Recordings of version 0.4 may have a score with NaN, which is no JSON.
+        return msgspec.json.decode(text.replace(b":NaN", b":null"), type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise CaptureError(
             path, where=f"line {number}", expected="a line of a recorded session", found=str(error)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kinemimic.evaluate.film.figures import humanoids
-from kinemimic.evaluate.simulate.session import Frame, Score
+from kinemimic.evaluate.simulate.frame import Frame, Score
 from kinemimic.evaluate.view.command import write_recording
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.pipeline.arrays import Array

@@ -9,12 +9,12 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from msgspec import Struct
 
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn, slope_tilt, weights
+from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Score
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
     Clear,
@@ -30,7 +30,6 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.pipeline.live.capture import LAG
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.env_config import EnvConfig
@@ -49,87 +48,6 @@ WINDOW = 10 * CONTROL_RATE  # control steps of the score
 MIN_SCORED = CONTROL_RATE
 LYING = 2 * CONTROL_RATE  # control steps on the ground before an automatic restart
 MAX_OBSTACLES = 20
-
-
-@dataclass(frozen=True)
-class Frame:
-    """The state after a control step.
-
-    bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
-    loads, torques: (15, 3) from outside, N and N·m, without the slope's; tilt: (3,) m/s² that a slope adds to
-    gravity; drag: grab point, pointer and force (3, 3) of a drag, or
-    None; obstacles: with their states now (K, 13); rotations, reference_rotations: (20, 4) of the nodes,
-    local; angles, wanted: knee and hip flexion by name, of the humanoid and its reference, rad; terms: of the
-    reward; fallen: since the last restart; shown: what a live capture shows.
-    """
-
-    step: int
-    phase: float
-    bodies: BodyStates
-    target: BodyStates
-    contacts: Array
-    loads: Array
-    torques: Array
-    tilt: Array
-    drag: Array | None
-    obstacles: tuple[Obstacle, ...]
-    states: Array
-    rotations: Array
-    reference_rotations: Array
-    angles: dict[str, float]
-    wanted: dict[str, float]
-    terms: dict[str, float]
-    fallen: bool
-    shown: Shown | None = None
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A live capture at the end of a control step.
-
-    raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
-    time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0
-    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: how
-    often a person was taken up; starved: whether no frame was due.
-    """
-
-    raw: Array
-    clean: Array
-    time: float
-    presence: float
-    latency: float
-    people: int
-    starved: bool
-
-
-class LiveSettings(Struct, frozen=True):
-    """How a live capture is followed.
-
-    lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
-    humanoid onto its reference where a person is taken up, in place of setting out from standing.
-    """
-
-    lag: float = LAG
-    up: str | None = None
-    place: bool = False
-
-
-@dataclass(frozen=True)
-class Score:
-    """Of the last `frames` control steps since a restart: R² of knee and hip, speed ratio, steps upright."""
-
-    frames: int
-    upright: int
-    knee: float
-    hip: float
-    speed: float
-
-    def __str__(self) -> str:
-        seconds = self.frames / CONTROL_RATE
-        return (
-            f"last {seconds:.0f} s: R² of knee {self.knee:.3f}, hip {self.hip:.3f}, "
-            f"speed {self.speed:.2f}, upright in {self.upright} of {self.frames} steps"
-        )
 
 
 class Session:
@@ -232,9 +150,9 @@ class Session:
             self._set_friction()
         elif isinstance(found, Clear):
             self._effects = Effects(carried=self._effects.carried)
-            self._require_free()
-            self._obstacles = []
-            self._batch.world.place(0, [])
+            if self._batch.config.scenario is None:  # its own obstacles stay
+                self._obstacles = []
+                self._batch.world.place(0, [])
         elif isinstance(found, Drag | Release | Push | Carry):
             self._effects.apply(found, self._batch.bodies)
         else:

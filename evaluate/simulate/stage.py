@@ -15,7 +15,7 @@ import viser
 
 from kinemimic.evaluate.film.figures import COLORS, REFERENCE, SIMULATED
 from kinemimic.evaluate.film.solids import shaded_side
-from kinemimic.evaluate.simulate.session import Frame
+from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES

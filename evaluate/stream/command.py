@@ -113,7 +113,7 @@ def command(
       sender | kinemimic stream --stdin --no-page --json
     """
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415 (import cost)
-    from kinemimic.evaluate.simulate.session import LiveSettings  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.frame import LiveSettings  # noqa: PLC0415
     from kinemimic.evaluate.stream.live import SOURCE, stream  # noqa: PLC0415
     from kinemimic.train.sim.world import CONTROL_RATE  # noqa: PLC0415
 
@@ -156,7 +156,7 @@ def command(
 
 
 def _words(found: dict[str, Any]) -> list[str]:
-    from kinemimic.evaluate.simulate.session import Score  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
 
     if not found["frames"]:
         return [f"{found['source']}: no frame came that could be used{_faults(found)}"]

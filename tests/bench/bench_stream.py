@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from kinemimic.evaluate.simulate.frame import LiveSettings
 from kinemimic.evaluate.simulate.recording import begin_live_session
-from kinemimic.evaluate.simulate.session import LiveSettings
 from kinemimic.evaluate.stream.files import Replay
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import convert, on_nodes, read_converted

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import json
 import queue
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
+from safetensors.numpy import load_file, save_file
 
+from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.command import Repertoire
+from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.inputs import Drag, Push, Release
 from kinemimic.evaluate.simulate.loop import Loop, Performed
-from kinemimic.evaluate.simulate.recording import SESSION, begin_session, replay
-from kinemimic.evaluate.simulate.session import Frame
+from kinemimic.evaluate.simulate.recording import SESSION, Replay, begin_session
+from kinemimic.evaluate.simulate.repertoire import Repertoire
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash
+from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -80,6 +86,38 @@ def test_a_pause_stops_and_one_step_steps(loop: Loop, page: Page) -> None:
     assert len(page.frames) == 5
 
 
+def test_a_pause_holds_a_file_but_not_a_sensor(loop: Loop, page: Page) -> None:
+    asked: list[float] = []
+
+    def frames(until: float) -> list[CapturedFrame]:
+        asked.append(until)
+        return []
+
+    for waits, beats in ((True, [0, 1]), (False, [0, 1, 2])):
+        asked.clear()
+        loop._frames, loop._waits, loop._beats = frames, waits, 0
+        loop.beat()
+        page.waiting.put(("toggle", ()))
+        loop.beat()
+        page.waiting.put(("toggle", ()))
+        loop.beat()
+        assert asked == [beat / CONTROL_RATE for beat in beats]
+
+
+def test_a_tracker_that_was_trained_again_gets_another_folder(walk_run: Path, tmp_path: Path) -> None:
+    run = tmp_path / "mine"
+    shutil.copytree(POLICIES / "tracker", run)
+    shutil.copy(walk_run / "motion.json", run)
+    repertoire = Repertoire(run, tmp_path / "prepared")
+    before, _ = repertoire.prepared("mine", "walk")
+    weights = {name: 0.5 * tensor for name, tensor in load_file(run / POLICY).items()}
+    save_file(weights, run / POLICY)
+    after, motion = repertoire.prepared("mine", "walk")
+    assert (before != after, motion) == (True, "walk")
+    for folder in (before, after):
+        assert file_hash(folder / POLICY)[:8] in folder.name
+
+
 def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Page, tmp_path: Path) -> None:
     for _ in range(5):
         loop.beat()
@@ -100,7 +138,7 @@ def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Pag
     lines = [json.loads(line) for line in (folder / SESSION).read_text().splitlines()]
     kinds = [line["input"]["type"] for line in lines if "input" in line]
     assert kinds == ["push", "drag", "release"]
-    assert len(list(replay(folder, named=scenario))) == 22
+    assert len(list(Replay(folder, named=scenario))) == 22
 
 
 def test_what_does_not_fit_is_said_and_changes_nothing(loop: Loop, page: Page) -> None:

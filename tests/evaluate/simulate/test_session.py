@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from kinemimic.evaluate.simulate.command import command
+from kinemimic.evaluate.simulate.frame import Frame, Score
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
     Clear,
@@ -23,8 +25,8 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
-from kinemimic.evaluate.simulate.recording import SESSION, Recorder, begin_session, replay
-from kinemimic.evaluate.simulate.session import LYING, Frame, Session
+from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
+from kinemimic.evaluate.simulate.session import LYING, Session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.scenario.scenario_file import scenario
@@ -77,14 +79,13 @@ def recorded(walk_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 def test_a_replay_has_the_same_bits_and_the_same_score(recorded: tuple[Path, list[Frame], str]) -> None:
     folder, frames, score = recorded
-    again = list(replay(folder, named=scenario))
-    assert len(again) == STEPS
-    for (one, _), other in zip(again, frames, strict=True):
+    again = Replay(folder, named=scenario)
+    for one, other in zip(again, frames, strict=True):
         np.testing.assert_array_equal(one.bodies.positions, other.bodies.positions)
         np.testing.assert_array_equal(one.rotations, other.rotations)
         np.testing.assert_array_equal(one.states, other.states)
         assert one.fallen == other.fallen
-    assert str(again[-1][1]) == score
+    assert str(again.score) == score
 
 
 def test_every_input_shows(recorded: tuple[Path, list[Frame], str]) -> None:
@@ -128,12 +129,40 @@ def test_a_scenario_keeps_its_own_obstacles_and_ground(walk_run: Path) -> None:
     session = opened(walk_run)
     session.apply(Enter("thrown-ball", 0))
     box = Throw("box", (0.3, 0.3, 0.3), 1.0, (1.5, 0.0, 0.15))
-    for one in (box, Clear(), Ground(0.2)):
+    for one in (box, Ground(0.2)):
         with pytest.raises(KinemimicError, match="leave it first"):
             session.apply(one)
     with pytest.raises(KinemimicError, match="expected a shipped scenario"):
         session.apply(Enter("no-such", 0))
     session.advance()
+
+
+def test_clear_ends_pushes_also_in_a_scenario_and_replays(walk_run: Path, tmp_path: Path) -> None:
+    folder, session = tmp_path / "session-1", opened(walk_run)
+    recorder = Recorder(folder, walk_run, ENGINE, restart=True)
+    script: dict[int, tuple[Input, ...]] = {
+        0: (Enter("several-obstacles", 0), Push("torso", force=(20.0, 0.0, 0.0), steps=200)),
+        20: (Clear(),),
+    }
+    frames = played(session, script, recorder)
+    recorder.close(session)
+    assert frames[19].loads.any()
+    assert not frames[20].loads.any()
+    assert len(frames[20].obstacles) == len(frames[19].obstacles) > 0
+    assert len(list(Replay(folder, named=scenario))) == STEPS
+
+
+def test_a_score_without_a_speed_is_recorded(recorded: tuple[Path, list[Frame], str], tmp_path: Path) -> None:
+    score = Score(30, 30, 0.9, 0.8, float("nan"))
+    assert score.to_json()["speed"] is None
+    assert str(Score.from_json(score.to_json())) == str(score)
+    # As version 0.4 wrote it.
+    folder = tmp_path / "older"
+    shutil.copytree(recorded[0], folder)
+    text = (folder / SESSION).read_text()
+    (folder / SESSION).write_text(re.sub(r'"speed":[-.\de]+}}', '"speed":NaN}}', text))
+    assert "NaN" in (folder / SESSION).read_text()
+    assert len(list(Replay(folder, named=scenario))) == STEPS
 
 
 def test_a_killed_recording_replays_up_to_its_last_whole_line(
@@ -142,7 +171,7 @@ def test_a_killed_recording_replays_up_to_its_last_whole_line(
     shutil.copytree(recorded[0], tmp_path / "killed")
     path = tmp_path / "killed" / SESSION
     path.write_bytes(path.read_bytes()[: -len(path.read_bytes()) // 3])
-    assert 0 < len(list(replay(tmp_path / "killed", named=scenario))) < STEPS
+    assert 0 < len(list(Replay(tmp_path / "killed", named=scenario))) < STEPS
 
 
 @pytest.mark.parametrize(
@@ -153,6 +182,12 @@ def test_a_killed_recording_replays_up_to_its_last_whole_line(
         (2, '{"step": 10, "input": {"type": "push", "body": "tail"}}', "line 2: expected a body"),
         (2, '{"step": 10, "digest": "0000"}', "line 2: expected the recorded state after control step 10"),
         (3, '{"step": 1}', "line 3: expected steps in order, found 1 after"),
+        (
+            3,
+            '{"step": 1000000000000}',
+            "line 3: expected a line every 30 control steps, .* found step 1,",
+        ),
+        (1, '{"schema": 1, "engine": "pybullet", "speed": 1e-9}', "line 1: .*`float` >= 0.1"),
     ],
 )
 def test_a_damaged_recording_is_one_line(
@@ -164,7 +199,7 @@ def test_a_damaged_recording_is_one_line(
     lines[line - 1] = text
     (folder / SESSION).write_text("\n".join(lines) + "\n")
     with pytest.raises(KinemimicError, match=message):
-        list(replay(folder, named=scenario))
+        list(Replay(folder, named=scenario))
 
 
 def test_the_command_replays_and_writes_a_recording(recorded: tuple[Path, list[Frame], str]) -> None:

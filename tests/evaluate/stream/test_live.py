@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from samples.walker import standing, walker
 
-from kinemimic.evaluate.simulate.recording import SESSION, replay
+from kinemimic.evaluate.simulate.recording import SESSION, Replay
 from kinemimic.evaluate.stream.command import command, prepare
 from kinemimic.evaluate.stream.live import stream
 from kinemimic.pipeline.errors import KinemimicError
@@ -65,7 +65,7 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     assert found["people"] == 1
     assert found["latency_ms"]["median"] == pytest.approx(550.0, abs=34.0)
     folder = Path(found["recording"])
-    frames = [frame for frame, _ in replay(folder, named=scenario)]
+    frames = list(Replay(folder, named=scenario))
     assert len(frames) == found["steps"]
     # A recorded bit that is another is noticed.
     text = (folder / SESSION).read_text()
@@ -73,7 +73,7 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     assert place in text
     (folder / SESSION).write_text(text.replace(place, repr(float(WALK.positions[20, 13, 2]) + 1e-6)))
     with pytest.raises(KinemimicError, match="expected the recorded state"):
-        list(replay(folder, named=scenario))
+        list(Replay(folder, named=scenario))
 
 
 def test_a_person_who_stands_is_followed_without_a_fall(run: Path) -> None:

@@ -1,0 +1,106 @@
+"""What a session shows: the state after a control step, its score, and how a live capture is followed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.live.capture import LAG
+from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The state after a control step.
+
+    bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
+    loads, torques: (15, 3) from outside, N and N·m, without the slope's; tilt: (3,) m/s² that a slope adds to
+    gravity; drag: grab point, pointer and force (3, 3) of a drag, or None; obstacles: with their states now
+    (K, 13); rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion
+    by name, of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart;
+    shown: what a live capture shows.
+    """
+
+    step: int
+    phase: float
+    bodies: BodyStates
+    target: BodyStates
+    contacts: Array
+    loads: Array
+    torques: Array
+    tilt: Array
+    drag: Array | None
+    obstacles: tuple[Obstacle, ...]
+    states: Array
+    rotations: Array
+    reference_rotations: Array
+    angles: dict[str, float]
+    wanted: dict[str, float]
+    terms: dict[str, float]
+    fallen: bool
+    shown: Shown | None = None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A live capture at the end of a control step.
+
+    raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
+    time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0
+    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: how
+    often a person was taken up; starved: whether no frame was due.
+    """
+
+    raw: Array
+    clean: Array
+    time: float
+    presence: float
+    latency: float
+    people: int
+    starved: bool
+
+
+class LiveSettings(Struct, frozen=True):
+    """How a live capture is followed.
+
+    lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
+    humanoid onto its reference where a person is taken up, in place of setting out from standing.
+    """
+
+    lag: Annotated[float, Meta(ge=0.0, le=1.0)] = LAG
+    up: str | None = None
+    place: bool = False
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of the last `frames` control steps since a restart: R² of knee and hip, speed ratio (NaN where the
+    reference stays in its place), steps upright."""
+
+    frames: int
+    upright: int
+    knee: float
+    hip: float
+    speed: float
+
+    def __str__(self) -> str:
+        seconds = self.frames / CONTROL_RATE
+        return (
+            f"last {seconds:.0f} s: R² of knee {self.knee:.3f}, hip {self.hip:.3f}, "
+            f"speed {self.speed:.2f}, upright in {self.upright} of {self.frames} steps"
+        )
+
+    def to_json(self) -> dict[str, float | None]:
+        """JSON values, None for NaN."""
+        return {name: value if math.isfinite(value) else None for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> Score:
+        """What `to_json` gave."""
+        known: dict[str, Any] = {name: math.nan if one is None else one for name, one in value.items()}
+        return cls(**known)
