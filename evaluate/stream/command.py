@@ -168,10 +168,7 @@ def _words(found: dict[str, Any]) -> list[str]:
         f"{found['upright']} upright; {found['falls']} falls{_faults(found)}",
     ]
     if found["score"] is not None:
-        known: dict[str, Any] = {
-            name: float("nan") if value is None else value for name, value in found["score"].items()
-        }
-        lines.append(str(Score(**known)))
+        lines.append(str(Score.from_json(found["score"])))
     if found["recording"] is not None:
         lines.append(f"recorded: kinemimic simulate --replay --run {found['recording']}")
     return lines

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from pathlib import Path
 
-from kinemimic.evaluate.stream.source import BLOCK, MAX_FRAMES, Lines, frames_of
+from kinemimic.evaluate.stream.source import BLOCK, MAX_BLOCKS, MAX_FRAMES, Lines, frames_of
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
@@ -18,6 +18,8 @@ from kinemimic.pipeline.readers.recognise import read
 class Stdin:
     """Lines of a pipe. A writer that is faster waits, as at every pipe."""
 
+    waits = False  # a sensor may write it
+
     def __init__(self, descriptor: int = 0) -> None:
         self.name = "standard input"
         self.faults: Counter[str] = Counter()
@@ -26,14 +28,14 @@ class Stdin:
         self._waiting: deque[bytes] = deque()
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
-        while len(self._waiting) < MAX_FRAMES and not self.ended:
+        for _ in range(MAX_BLOCKS):
+            if self.ended or len(self._waiting) >= MAX_FRAMES:
+                break
             if not select.select([self._descriptor], [], [], 0.0)[0]:
                 break
             block = os.read(self._descriptor, BLOCK)
-            if not block:
-                self.ended = True
-                break
-            self._waiting.extend(self._lines.take(block))
+            self.ended = not block
+            self._waiting.extend(self._lines.take(block) if block else self._lines.end())
         count = min(MAX_FRAMES, len(self._waiting))
         return frames_of([self._waiting.popleft() for _ in range(count)], self.faults)
 
@@ -46,6 +48,8 @@ class Replay:
 
     seconds: its duration.
     """
+
+    waits = True
 
     def __init__(self, path: Path) -> None:
         clip = on_nodes(read(path))

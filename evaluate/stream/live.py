@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import queue
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kinemimic.evaluate.simulate.clock import Clock
+from kinemimic.evaluate.simulate.frame import Frame, LiveSettings
 from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.loop import Loop, Performed, Shown
 from kinemimic.evaluate.simulate.recording import begin_live_session
-from kinemimic.evaluate.simulate.session import Frame, LiveSettings
 from kinemimic.evaluate.stream.source import Source
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.reference.live_reference import AHEAD
@@ -108,11 +106,10 @@ def stream(
 
     loop = Loop(
         Performed(run, policy or run.name, SOURCE), watched, clock, engine=engine, open_session=opened,
-        choose=choose or only, recordings=run, frames=source.poll,
+        choose=choose or only, recordings=run, frames=source.poll, waits=source.waits,
     )  # fmt: skip
     if record:
         loop.record()
-    recorded = loop.recorder.folder if loop.recorder is not None else None
     tail = round((settings.lag + AFTER) * CONTROL_RATE) + AHEAD
     try:
         loop.run(steps, lambda: source.ended, tail)
@@ -120,7 +117,7 @@ def stream(
         pass
     finally:
         source.close()
-    return summary(source, sessions[-1], watched, clock, recorded)
+    return summary(source, sessions[-1], watched, clock, loop.recorded[-1] if loop.recorded else None)
 
 
 def summary(
@@ -156,8 +153,6 @@ def summary(
         "on_time": round(clock.on_time, 5),
         "faults": {name: count for name, count in faults.items() if count},
         # Of a reference that stands, R² and speed are undefined.
-        "score": None
-        if score is None
-        else {name: value if math.isfinite(value) else None for name, value in asdict(score).items()},
+        "score": None if score is None else score.to_json(),
         "recording": None if recorded is None else str(recorded),
     }

@@ -6,7 +6,7 @@ import socket
 from collections import Counter, deque
 from collections.abc import Sequence
 
-from kinemimic.evaluate.stream.source import BLOCK, HOST, MAX_FRAMES, MAX_READS, Lines, frames_of
+from kinemimic.evaluate.stream.source import BLOCK, HOST, MAX_BLOCKS, MAX_FRAMES, MAX_READS, Lines, frames_of
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
 
@@ -58,6 +58,8 @@ class Datagrams:
 class Udp:
     """A frame, or lines of frames, in each datagram."""
 
+    waits = False
+
     def __init__(self, port: int) -> None:
         self.faults: Counter[str] = Counter()
         self._datagrams = Datagrams(port, self.faults)
@@ -80,6 +82,8 @@ class Udp:
 class Tcp:
     """Lines of one sender at a time; others are turned away until it leaves."""
 
+    waits = False
+
     def __init__(self, port: int) -> None:
         self.faults: Counter[str] = Counter()
         self._server = opened(socket.SOCK_STREAM, port)
@@ -93,7 +97,7 @@ class Tcp:
         self._accept()
         lines: deque[bytes] = deque(maxlen=4 * MAX_FRAMES)
         read = 0
-        for _ in range(MAX_READS // 16):
+        for _ in range(MAX_BLOCKS):
             if self._sender is None:
                 break
             try:

@@ -15,15 +15,18 @@ from kinemimic.pipeline.live.frame import MAX_LINE, CapturedFrame, decoded_frame
 
 HOST = "127.0.0.1"
 MAX_FRAMES = 8  # in a control step: 240 frames a second
-MAX_READS = 256  # datagrams or blocks in a control step
+MAX_READS = 256  # datagrams in a control step
+MAX_BLOCKS = 16  # of a stream of lines
 BLOCK = 65_536  # bytes
 
 
 class Source(Protocol):
-    """name: for people; faults: how often what happened."""
+    """name: for people; faults: how often what happened; waits: whether it can wait through a pause, as
+    a file can and a sensor cannot."""
 
     name: str
     faults: Counter[str]
+    waits: bool
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
         """What came until now, `elapsed` seconds after the first poll."""
@@ -74,3 +77,8 @@ class Lines:
                 self._faults["refused: line too long"] += 1
             self._rest, self._skipping = b"", True
         return [line for line in lines if line.strip()]
+
+    def end(self) -> list[bytes]:
+        """The last line, if no newline has completed it."""
+        last, self._rest = self._rest, b""
+        return [last] if last.strip() and not self._skipping else []

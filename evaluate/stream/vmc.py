@@ -8,10 +8,12 @@ to the right, Y up, Z ahead.
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
@@ -122,8 +124,25 @@ class Avatar:
         return np.stack([out[:, 2], -out[:, 0], out[:, 1]], axis=-1)
 
 
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Without python-osc's records in the root logger: a sender could fill the terminal with them."""
+    root = logging.getLogger()
+    root.addFilter(_of_others)
+    try:
+        yield
+    finally:
+        root.removeFilter(_of_others)
+
+
+def _of_others(record: logging.LogRecord) -> bool:
+    return "pythonosc" not in record.pathname
+
+
 class Vmc:
     """An avatar over UDP. A frame ends with the sender's time, or without times at every control step."""
+
+    waits = False
 
     def __init__(self, port: int = DEFAULT_PORT) -> None:
         if find_spec("pythonosc") is None:
@@ -169,12 +188,13 @@ class Vmc:
             self.faults["refused: datagram too long"] += 1
             return []
         try:
-            return [
-                (one.message.address, list(one.message.params)) for one in self._packet(datagram).messages
-            ]
+            with _unlogged():
+                found = self._packet(datagram).messages
         except (self._error, ValueError, IndexError, TypeError, RecursionError, OverflowError):
+            found = []
+        if not found:
             self.faults["refused: no OSC"] += 1
-            return []
+        return [(one.message.address, list(one.message.params)) for one in found]
 
     @property
     def ended(self) -> bool:

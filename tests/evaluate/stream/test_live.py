@@ -15,7 +15,7 @@ from samples.walker import standing, walker
 
 from kinemimic.evaluate.simulate.recording import SESSION, Replay
 from kinemimic.evaluate.stream.command import command, prepare
-from kinemimic.evaluate.stream.live import stream
+from kinemimic.evaluate.stream.live import NoPage, stream
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
@@ -29,6 +29,8 @@ WALK = walker(seconds=1.5, rate=30.0).clip
 
 class Sender:
     """Frames at their times."""
+
+    waits = False
 
     def __init__(self, clip: Clip) -> None:
         self.name, self.faults = "a test", Counter[str]()
@@ -74,6 +76,19 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     (folder / SESSION).write_text(text.replace(place, repr(float(WALK.positions[20, 13, 2]) + 1e-6)))
     with pytest.raises(KinemimicError, match="expected the recorded state"):
         list(Replay(folder, named=scenario))
+
+
+def test_a_recording_that_begins_and_ends_on_the_page_is_in_the_summary(run: Path) -> None:
+    page = NoPage()
+    page.waiting.put(("record", ()))
+    options = {"engine": "pybullet" if _only_pybullet() else "native", "record": False, "steps": 3}
+    found = stream(Sender(WALK), run, page=page, **options)
+    assert (Path(found["recording"]) / SESSION).is_file()
+    page.waiting.put(("record", ()))
+    page.waiting.put(("record", ()))
+    later = stream(Sender(WALK), run, page=page, **options)
+    assert later["recording"] not in (None, found["recording"])
+    assert stream(Sender(WALK), run, **options)["recording"] is None
 
 
 def test_a_person_who_stands_is_followed_without_a_fall(run: Path) -> None:

@@ -136,6 +136,31 @@ def test_standard_input_ends() -> None:
     os.close(read)
 
 
+def test_the_last_line_of_standard_input_needs_no_newline() -> None:
+    read, write = os.pipe()
+    source = Stdin(read)
+    os.write(write, line(1.0) + line(2.0)[:-1])
+    os.close(write)
+    assert [frame.time for frame in source.poll(0.0)] == [1.0, 2.0]
+    assert source.ended
+    os.close(read)
+
+
+def test_standard_input_without_lines_is_read_in_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    zero, reads = os.open("/dev/zero", os.O_RDONLY), iter(range(1000))
+
+    def counted(_: int, size: int) -> bytes:
+        next(reads)
+        return bytes(size)
+
+    monkeypatch.setattr(os, "read", counted)
+    source = Stdin(zero)
+    assert source.poll(0.0) == []
+    assert not source.ended
+    assert source.faults == {"refused: line too long": 1}
+    os.close(zero)
+
+
 def test_a_replay_keeps_its_clock(tmp_path: Path) -> None:
     clip = walker(rate=30.0).clip
     milliseconds = np.rint(1000.0 * clip.times).astype(np.int64)

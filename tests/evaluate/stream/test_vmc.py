@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import time
 from collections.abc import Iterator
@@ -81,6 +82,27 @@ def message(address: str, *values: object) -> bytes:
     for value in values:
         builder.add_arg(value)
     return bytes(builder.build().dgram)
+
+
+@pytest.mark.parametrize(
+    ("datagram", "faults"),
+    [
+        (b"#bundle\0" + bytes(8), 1),
+        (b"#bundle\0" + bytes(8) + b"\0\0\0\x04junk", 1),
+        (b"/VMC/Ext/OK\0,Z\0\0", 0),
+    ],
+)
+def test_a_bad_datagram_is_counted_and_not_logged(
+    datagram: bytes, faults: int, vmc: Vmc, caplog: pytest.LogCaptureFixture
+) -> None:
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sender.sendto(datagram, (HOST, vmc.port))
+    assert vmc.poll(0.0) == []
+    sender.close()
+    assert vmc.faults["refused: no OSC"] == faults
+    assert caplog.records == []
+    logging.warning("of somebody else")
+    assert len(caplog.records) == 1
 
 
 def test_frames_end_with_the_senders_time(vmc: Vmc) -> None:
