@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import multiprocessing
 import os
 import time
 from dataclasses import dataclass
@@ -25,7 +26,6 @@ from kinemimic.pipeline.video.landmarks import OUTPUTS as LANDMARK_OUTPUTS
 from kinemimic.pipeline.video.landmarks import SIDE as LANDMARK_SIDE
 from kinemimic.pipeline.video.models import model_files
 from kinemimic.pipeline.video.network import Network, require_runtime
-from kinemimic.pipeline.video.region import Region
 from kinemimic.pipeline.video.track import PersonTracker
 
 # Seconds between two writes of what was found so far.
@@ -35,11 +35,10 @@ _KEEP_EVERY = 20.0
 @dataclass(frozen=True)
 class PoseOptions:
     """person: number from the left, or None for the largest; model: a landmark network of one's own (a
-    BlazePose .tflite, of 256x256 pixels), or None; threads: None for every core."""
+    BlazePose .tflite, of 256x256 pixels), or None."""
 
     person: int | None = None
     model: Path | None = None
-    threads: int | None = None
 
 
 def landmark_track(path: Path, sha256: str, options: PoseOptions, kept: Path | None) -> LandmarkTrack:
@@ -54,11 +53,8 @@ def landmark_track(path: Path, sha256: str, options: PoseOptions, kept: Path | N
     before = None if kept is None else read_track(kept, key)
     if before is not None and before.done:
         return before
-    region = None
-    if before is not None and np.isfinite(before.region).all():
-        x, y, side, angle = before.region.tolist()
-        region = Region(np.array([x, y]), side, angle)
-    tracker = PersonTracker(detector, network, person=options.person, region=region)
+    followed = None if before is None else before.followed
+    tracker = PersonTracker(detector, network, person=options.person, followed=followed)
     found = _Found(before)
     total = expected_frames(path)
     if total < len(found.times):
@@ -98,7 +94,8 @@ def landmark_track(path: Path, sha256: str, options: PoseOptions, kept: Path | N
 def _networks(options: PoseOptions) -> tuple[Detector, LandmarkNetwork, str]:
     """Both networks, and the hashes of their files."""
     require_runtime()
-    threads = options.threads or len(os.sched_getaffinity(0))
+    # A worker of a pool has one core for itself.
+    threads = 1 if multiprocessing.current_process().daemon else len(os.sched_getaffinity(0))
     first, second = model_files()
     second = options.model or second
     detector = Network(first, input_side=DETECTOR_SIDE, output_sizes={*DETECTOR_OUTPUTS}, threads=threads)
@@ -125,12 +122,11 @@ class _Found:
             self.world.append(np.full((COUNT, 3), np.nan))
             self.visibility.append(np.zeros(COUNT))
         else:
-            self.pixels.append(landmarks.pixels)
-            self.world.append(landmarks.world)
-            self.visibility.append(landmarks.visibility)
+            self.pixels.append(_as_kept(landmarks.pixels))
+            self.world.append(_as_kept(landmarks.world))
+            self.visibility.append(_as_kept(landmarks.visibility))
 
     def track(self, key: str, tracker: PersonTracker, *, done: bool) -> LandmarkTrack:
-        region = tracker.region
         return LandmarkTrack(
             times=np.array(self.times),
             pixels=np.array(self.pixels),
@@ -139,8 +135,11 @@ class _Found:
             size=self.size,
             key=key,
             done=done,
-            region=np.full(4, np.nan)
-            if region is None
-            else np.array([*region.centre, region.side, region.angle]),
+            followed=tracker.followed,
             people=max(self.people, tracker.most_people),
         )
+
+
+def _as_kept(values: Array) -> Array:
+    """Values as a file of landmarks has them, so that it makes no difference whether one was read."""
+    return values.astype(np.float32).astype(np.float64)

@@ -17,8 +17,10 @@ from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.pipeline.video.decode import MAX_FRAMES
 from kinemimic.pipeline.video.landmarks import COUNT
+from kinemimic.pipeline.video.region import Region
+from kinemimic.pipeline.video.track import Followed
 
-_SCHEMA = 1
+_SCHEMA = 2
 # 864,000 frames of 33 points in single precision.
 _LIMIT = 1024 * MEGABYTE
 # What zipfile and numpy raise on damaged archives, one or another.
@@ -34,8 +36,8 @@ class LandmarkTrack:
 
     times: (T,) seconds; pixels: (T, 33, 2); world: (T, 33, 3) metres, as in `Landmarks`; visibility:
     (T, 33); size: (width, height) of the images; key: of the video, the models and the person; done: whether
-    the video has no more frames; region: (4,) where the person is expected next (x, y, side, angle), NaN if
-    nowhere; people: the most people seen in one frame.
+    the video has no more frames; followed: how far the person was, to go on from there; people: the most
+    people seen in one frame.
     """
 
     times: Array
@@ -45,13 +47,14 @@ class LandmarkTrack:
     size: tuple[int, int]
     key: str
     done: bool
-    region: Array
+    followed: Followed
     people: int
 
 
 def write_track(path: Path, track: LandmarkTrack) -> None:
     """Write a track atomically, as arrays in single precision (times in double)."""
     buffer = io.BytesIO()
+    last = track.followed.last
     np.savez_compressed(
         buffer,
         schema=np.int64(_SCHEMA),
@@ -62,7 +65,8 @@ def write_track(path: Path, track: LandmarkTrack) -> None:
         size=np.array(track.size, dtype=np.int64),
         key=np.frombuffer(track.key.encode("ascii"), dtype=np.uint8),
         done=np.array([track.done]),
-        region=track.region,
+        last=np.full(4, np.nan) if last is None else np.array([*last.centre, last.side, last.angle]),
+        lost=np.int64(track.followed.lost),
         people=np.int64(track.people),
     )
     with atomic(path) as temporary:
@@ -92,11 +96,19 @@ def read_track(path: Path, key: str) -> LandmarkTrack | None:
                 size=(width, height),
                 key=key,
                 done=bool(file["done"][0]),
-                region=_numbers(file["region"], (4,)),
+                followed=_followed(_numbers(file["last"], (4,)), int(file["lost"]), T),
                 people=int(file["people"]),
             )
     except _DAMAGED:
         return None
+
+
+def _followed(last: Array, lost: int, frames: int) -> Followed:
+    """From where the person was last expected (x, y, side, angle), NaN if nowhere."""
+    if not 0 <= lost <= frames:
+        raise ValueError("another file")
+    x, y, side, angle = last.tolist()
+    return Followed(Region(np.array([x, y]), side, angle) if np.isfinite(last).all() else None, lost, frames)
 
 
 def _numbers(values: NDArray[np.generic], shape: tuple[int, ...]) -> Array:

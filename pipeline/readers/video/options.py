@@ -15,14 +15,13 @@ HEIGHTS, FIELDS_OF_VIEW = (0.5, 2.6), (10.0, 150.0)
 class VideoOptions:
     """height: metres, of the person, or None for an average adult's; fov: degrees, field of view along the
     longer side of the image, or None for a phone's main camera; person: number from the left, or None for the
-    largest; model: a landmark network of one's own, or None; threads: of the networks, None for every core.
+    largest; model: a landmark network of one's own, or None.
     """
 
     height: float | None = None
     fov: float | None = None
     person: int | None = None
     model: Path | None = None
-    threads: int | None = None
 
     def __post_init__(self) -> None:
         for name, value, (low, high), unit in (

@@ -69,7 +69,7 @@ def read_video(path: Path, options: VideoOptions, kept: Path | None = None) -> C
         sha256 = file_hash(path)
     except FileNotFoundError:
         raise CaptureError(path, expected="a capture file", found="no file") from None
-    pose = PoseOptions(options.person, options.model, options.threads)
+    pose = PoseOptions(options.person, options.model)
     track = landmark_track(path, sha256, pose, kept)
     observed = observed_of(track)
     with progress("fit", len(track.times), unit="frames") as bar:

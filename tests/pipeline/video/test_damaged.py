@@ -26,6 +26,7 @@ from kinemimic.pipeline.video.detector import Detection
 from kinemimic.pipeline.video.landmark_track import LandmarkTrack, read_track, write_track
 from kinemimic.pipeline.video.landmarks import Landmarks
 from kinemimic.pipeline.video.region import Region
+from kinemimic.pipeline.video.track import Followed
 
 FRAMES = 12
 # A hang, not slowness, is what is looked for: most take a hundredth of a second.
@@ -136,7 +137,7 @@ def test_damaged_files_of_landmarks(inputs: int, tmp_path: Path) -> None:
         size=(720, 1280),
         key="key",
         done=True,
-        region=np.full(4, np.nan),
+        followed=Followed(),
         people=1,
     )
     write_track(path, track)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import subprocess
 import zipfile
 from dataclasses import replace
@@ -20,8 +21,10 @@ from kinemimic.pipeline.video.estimate import PoseOptions, landmark_track
 from kinemimic.pipeline.video.landmark_track import LandmarkTrack, read_track, write_track
 from kinemimic.pipeline.video.landmarks import Landmarks
 from kinemimic.pipeline.video.region import Region
+from kinemimic.pipeline.video.track import Followed
 
 FRAMES, RATE = 24, 25.0
+PLACE = Region(np.array([80.0, 60.0]), 100.0, 0.0)
 
 
 @pytest.fixture
@@ -111,6 +114,65 @@ def test_an_interrupted_estimate_goes_on_where_it_was(
     assert again.frame == FRAMES
 
 
+def test_a_later_call_gives_the_same_numbers(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    eye = looking(monkeypatch, Eye())
+    third = Landmarks(0.9, np.full((33, 2), 1 / 3), np.full((33, 3), 1 / 3), np.full(33, 1 / 3), PLACE)
+    monkeypatch.setattr(Eye, "__call__", lambda *_: third)
+    kept = tmp_path / "landmarks.npz"
+    first, later = (landmark_track(clip, "sha", PoseOptions(), kept) for _ in range(2))
+    for name in ("times", "pixels", "world", "visibility"):
+        assert (getattr(first, name) == getattr(later, name)).all(), name
+    assert eye.frame == 0
+
+
+class Crowd(Eye):
+    """A person who leaves after six frames, and a stranger, far away, who stays."""
+
+    def people(self, image: np.ndarray) -> list[Detection]:
+        left = float(np.flatnonzero(image[60, :, 0] > 127)[0])
+        if left > self.stop:
+            raise KeyboardInterrupt
+        places = (40.0, 130.0) if left < 28.0 else (130.0,)
+        return [Detection(0.9, np.zeros(4), np.array([x, 60.0]), np.array([x, 50.0])) for x in places]
+
+    def __call__(self, image: np.ndarray, region: Region) -> Landmarks:
+        found = Eye().__call__(image, region)
+        gone = region.centre[0] < 80.0 and found.pixels[0, 0] > 28.0
+        return replace(found, score=0.1 if gone else 0.9)
+
+
+def test_an_estimate_that_is_interrupted_while_the_person_is_lost_follows_nobody_else(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "landmarks.npz"
+    looking(monkeypatch, Crowd())
+    whole = landmark_track(clip, "sha", PoseOptions(), None)
+    assert np.isfinite(whole.pixels[:6]).all() and np.isnan(whole.pixels[6:]).all()
+    looking(monkeypatch, Crowd(stop=60))
+    with pytest.raises(KeyboardInterrupt, match="frames are in"):
+        landmark_track(clip, "sha", PoseOptions(), kept)
+    looking(monkeypatch, Crowd())
+    resumed = landmark_track(clip, "sha", PoseOptions(), kept)
+    assert np.array_equal(resumed.pixels, whole.pixels, equal_nan=True)
+
+
+@pytest.mark.parametrize("daemon", [False, True])
+def test_in_a_worker_process_the_networks_have_one_thread(
+    daemon: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, threads = tmp_path / "model.tflite", []
+    model.write_bytes(b"")
+    monkeypatch.setitem(vars(multiprocessing.current_process())["_config"], "daemon", daemon)
+    monkeypatch.setattr(estimate.os, "sched_getaffinity", lambda _: range(5))
+    monkeypatch.setattr(estimate, "require_runtime", lambda: None)
+    monkeypatch.setattr(estimate, "model_files", lambda: (model, model))
+    monkeypatch.setattr(estimate, "Network", lambda *_, **given: threads.append(given["threads"]))
+    estimate._networks(PoseOptions())
+    assert threads == ([1, 1] if daemon else [5, 5])
+
+
 def test_a_video_without_a_person_is_an_error(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     eye = looking(monkeypatch, Eye())
     monkeypatch.setattr(eye, "people", lambda image: [])
@@ -131,7 +193,7 @@ def track(frames: int) -> LandmarkTrack:
         size=(720, 1280),
         key="key",
         done=True,
-        region=np.full(4, np.nan),
+        followed=Followed(),
         people=2,
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ from kinemimic.pipeline.video.detector import (
 from kinemimic.pipeline.video.landmarks import OUTPUTS as LANDMARK_OUTPUTS
 from kinemimic.pipeline.video.landmarks import LandmarkNetwork, refined
 from kinemimic.pipeline.video.region import Region
-from kinemimic.pipeline.video.track import PersonTracker
+from kinemimic.pipeline.video.track import Followed, PersonTracker
 
 
 class Fake:
@@ -149,6 +151,11 @@ def test_the_largest_is_followed_or_the_one_that_was_asked_for(person: int | Non
     assert found is not None and found.pixels[0, 0] == pytest.approx(x)
 
 
+def lost(tracker: PersonTracker) -> Followed:
+    """As if the next frame had not shown the person."""
+    return replace(tracker.followed, lost=1, frames=tracker.followed.frames + 1)
+
+
 def test_the_detector_rests_while_a_person_is_followed_and_finds_a_lost_one_nearby() -> None:
     image = np.zeros((400, 600, 3), dtype=np.uint8)
     detector = People(500.0, 100.0)
@@ -156,7 +163,7 @@ def test_the_detector_rests_while_a_person_is_followed_and_finds_a_lost_one_near
     for _ in range(5):
         assert tracker(image) is not None
     assert detector.calls == 1 and tracker.most_people == 2
-    tracker.region = None
+    tracker.followed = lost(tracker)
     found = tracker(image)
     assert found is None or found.pixels[0, 0] == pytest.approx(100.0)
 
@@ -166,7 +173,7 @@ def test_somebody_elsewhere_is_not_the_lost_person_until_there_was_time_to_walk_
     detector = People(100.0)
     tracker = PersonTracker(detector, landmark_network(0.9))
     assert tracker(image) is not None
-    detector.places, tracker.region = (1000.0,), None
+    detector.places, tracker.followed = (1000.0,), lost(tracker)
     found = [tracker(image) for _ in range(600)]
     assert all(one is None for one in found[:60])
     later = next(one for one in found if one is not None)

@@ -19,6 +19,7 @@ from kinemimic.pipeline.readers.video.container import FORMAT
 from kinemimic.pipeline.readers.video.options import VideoOptions
 from kinemimic.pipeline.readers.video.recording import observed_of, states_of
 from kinemimic.pipeline.video.landmark_track import LandmarkTrack
+from kinemimic.pipeline.video.track import Followed
 
 
 def angle(first: Array, second: Array) -> Array:
@@ -81,7 +82,7 @@ def track(frames: int = 4) -> LandmarkTrack:
         size=(720, 1280),
         key="",
         done=True,
-        region=np.full(4, np.nan),
+        followed=Followed(),
         people=1,
     )
 
