@@ -153,7 +153,10 @@ def _train(
         algorithm.begin_from(initial)
     training = TrainingState(algorithm)
     saved = run / CHECKPOINT
-    resumed = resume and saved.exists() and checkpoint.restore(saved, training, motion.identity)
+    advice = "delete it or train with --no-resume"
+    resumed = (
+        resume and saved.exists() and checkpoint.restore(saved, training, motion.identity, advice=advice)
+    )
     state = training.algorithm.progress
     if state.samples >= config.budget + config.batch:
         raise KinemimicError(

@@ -291,9 +291,9 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: s
     save_file(arrays, path, {"kinemimic": json.dumps(record)})
     with pytest.raises(
         KinemimicError,
-        match=r"c\.safetensors(, key [a-z].*)?: expected .*, found .*; delete it or train with --no-res",
+        match=r"c\.safetensors(, key [a-z].*)?: expected .*, found .*; another advice$",
     ):
-        checkpoint.restore(path, TrainingState(algorithm), "walk")
+        checkpoint.restore(path, TrainingState(algorithm), "walk", advice="another advice")
 
 
 def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:

@@ -1,7 +1,7 @@
 """Settings of the baselines: stable-baselines3's algorithms instead of our PPO, everything else being equal.
 
 The rest of `TrainConfig` is shared: task, rewards and their schedule, hidden layers, discount, samples per
-round, budget; also exploration and the number of environments, unless a preset changes them (`config.py`).
+round, budget; also exploration and the number of environments, unless a preset changes them (`presets.py`).
 Baselines ignore the settings of our PPO (`minibatch` to `critic_rate`, `gae_lambda`, the entropy weight).
 """
 
@@ -13,8 +13,16 @@ from typing import ClassVar, Literal
 from msgspec import Struct
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.records import RecordError
 
 Activation = Literal["tanh", "relu"]
+
+
+def require_counts(settings: object, *names: str) -> None:
+    """RecordError if one of these settings is less than 1."""
+    for name in names:
+        if (found := getattr(settings, name)) < 1:
+            raise RecordError(name, expected="a whole number from 1", found=f"{found}")
 
 
 class OffPolicy(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm"):
@@ -45,6 +53,9 @@ class OffPolicy(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algo
     bound: float = 0.5
     activation: Activation = "relu"
 
+    def __post_init__(self) -> None:
+        require_counts(self, "batch", "train_every", "buffer")
+
     @property
     def steps(self) -> int:
         """Control steps of all environments between two updates."""
@@ -65,6 +76,10 @@ class Td3(OffPolicy, frozen=True, tag="td3"):
     policy_delay: int = 2
     target_noise: float = 0.2
     target_clip: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_counts(self, "policy_delay")
 
 
 class Sac(OffPolicy, frozen=True, tag="sac"):
@@ -107,6 +122,9 @@ class A2c(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm"
     # The mean of a Gaussian is unbounded.
     bound: ClassVar[None] = None
 
+    def __post_init__(self) -> None:
+        require_counts(self, "n_steps")
+
     @property
     def steps(self) -> int:
         """Control steps of all environments between two updates."""
@@ -133,6 +151,9 @@ class StablePpo(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algo
     # The search preferred it to tanh and any other change; three seeds show no difference.
     activation: Activation = "relu"
     bound: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        require_counts(self, "batch", "epochs")
 
     @property
     def steps(self) -> int:

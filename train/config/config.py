@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import msgspec
 import numpy as np
 
 from kinemimic.pipeline.files.records import RecordError, Steps, convert
-from kinemimic.train.config.baseline_config import Activation, Baseline
+from kinemimic.train.config.baseline_config import Activation, Baseline, require_counts
 from kinemimic.train.config.env_config import LATER_RANGES, EnvConfig, RewardConfig
 
 # A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
@@ -29,7 +30,8 @@ class TrainConfig:
 
     start: SHA-256 of the policy from which the training starts, "" for random weights.
 
-    RecordError if a round is not a whole number of the baseline's updates, or a schedule has no points.
+    RecordError for a count below 1, if a round is not a whole number of the baseline's updates, and for a
+    schedule without points or with points out of order.
     """
 
     preset: str = "default"
@@ -68,11 +70,17 @@ class TrainConfig:
     start: str = ""
 
     def __post_init__(self) -> None:
+        require_counts(self, "num_envs", "horizon", "minibatch", "epochs")
         schedules = {"action_std": self.action_std, "strength": self.strength}
         schedules |= {f"scales.{name}": schedule for name, schedule in self.scales.items()}
         for name, schedule in schedules.items():
             if not schedule:
                 raise RecordError(name, expected="points (samples, value) of a schedule", found="none")
+        for name, schedule in {**schedules, "body_error": self.body_error}.items():
+            for (before, _), (after, _) in pairwise(schedule):
+                if after <= before:
+                    expected = "points of a schedule, fewest samples first"
+                    raise RecordError(name, expected=expected, found=f"{after} after {before}")
         if self.baseline and self.horizon % self.baseline.steps:
             expected = f"a multiple of the baseline's {self.baseline.steps} steps"
             raise RecordError("horizon", expected=expected, found=f"{self.horizon}")

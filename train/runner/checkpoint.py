@@ -77,10 +77,11 @@ def save(path: Path, training: TrainingState, motion: str) -> None:
         ) from None
 
 
-def restore(path: Path, training: TrainingState, motion: str) -> bool:
+def restore(path: Path, training: TrainingState, motion: str, *, advice: str = "delete it") -> bool:
     """Load `path` into a training; False for another motion or configuration, budgets aside.
 
-    KinemimicError for a damaged checkpoint; the training is then unusable.
+    advice: what to do about a damaged checkpoint, for messages. KinemimicError for one; the training is then
+    unusable.
     """
     require_regular(path, "a checkpoint")
     try:
@@ -91,7 +92,7 @@ def restore(path: Path, training: TrainingState, motion: str) -> bool:
         schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
         if schema != CHECKPOINT_SCHEMA:
             return False
-        check = partial(convert, path=path, advice="delete it or train with --no-resume")
+        check = partial(convert, path=path, advice=advice)
         evaluations = check(record["evaluations"], list[Evaluation], within=("evaluations",))
         if imitated != motion or stored != {**training.algorithm.config.to_json(), "budget": None}:
             return False
@@ -102,9 +103,7 @@ def restore(path: Path, training: TrainingState, motion: str) -> bool:
         OSError, KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, SafetensorError,
     ) as error:  # fmt: skip
         found = f"no {error}" if isinstance(error, KeyError) else error
-        raise KinemimicError(
-            f"{path}: expected a checkpoint, found {found}; delete it or train with --no-resume"
-        ) from None
+        raise KinemimicError(f"{path}: expected a checkpoint, found {found}; {advice}") from None
     return True
 
 

@@ -64,7 +64,7 @@ def _control_inertia(body: Body) -> tuple[float, float, float]:
 
 
 def description() -> dict[str, Any]:
-    """The body of `retarget/body.py` as the arguments of `kinemimic_native.Batch`."""
+    """The body of `retarget/humanoid/body.py` as the arguments of `kinemimic_native.Batch`."""
     offsets = node_offsets()
     masses = np.array([body.mass for body in BODIES])
     inertias = np.array([body.inertia for body in BODIES])

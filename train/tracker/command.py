@@ -105,7 +105,8 @@ def _train(
         algorithm.begin_from(initial)
         algorithm.progress.samples = record["samples"]
     training, saved = TrainingState(algorithm), out / CHECKPOINT
-    resumed = saved.exists() and checkpoint.restore(saved, training, identity)
+    advice = "delete it or choose another --out"
+    resumed = saved.exists() and checkpoint.restore(saved, training, identity, advice=advice)
     if saved.exists() and not resumed:
         raise KinemimicError(
             f"{saved}: expected a checkpoint of this library and these settings, found another; "

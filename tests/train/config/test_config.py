@@ -65,6 +65,36 @@ def test_a_value_of_another_type_is_refused(place: str, value: object) -> None:
         TrainConfig.from_json(config, "x.json")
 
 
+@pytest.mark.parametrize(
+    ("preset_name", "place", "value"),
+    [
+        ("default", "num_envs", 0),
+        ("default", "horizon", 0),
+        ("default", "minibatch", -1),
+        ("default", "epochs", 0),
+        ("a2c", "baseline.n_steps", 0),
+        ("ddpg", "baseline.train_every", 0),
+        ("td3", "baseline.policy_delay", 0),
+        ("sac", "baseline.batch", 0),
+        ("sb3-ppo", "baseline.epochs", 0),
+        ("default", "action_std", [[10, 0.1], [0, 0.2]]),
+        ("default", "strength", [[0, 0.0], [0, 1.0]]),
+        ("default", "scales.pose", [[0, 8.0], [9, 8.0], [5, 8.0]]),
+        ("default", "body_error", [[1, 0.5], [0, 0.4]]),
+    ],
+)
+def test_damaged_numbers_are_refused(preset_name: str, place: str, value: object) -> None:
+    config = PRESETS[preset_name].to_json()
+    *way, last = place.split(".")
+    at = config
+    for name in way:
+        at = at[name]
+    at[last] = value
+    with pytest.raises(KinemimicError, match=rf"^x\.json, key {place}: expected .*, found ") as error:
+        TrainConfig.from_json(config, "x.json")
+    assert "\n" not in str(error.value)
+
+
 def test_a_schedule_is_linear_between_its_points_and_constant_beyond() -> None:
     schedule = ((100, 8.0), (200, 32.0), (1200, 64.0))
     found = [scheduled_at(schedule, samples) for samples in (0, 100, 150, 200, 700, 1200, 9999)]

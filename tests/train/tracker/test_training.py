@@ -113,6 +113,14 @@ def test_another_library_is_refused(library: Path, tmp_path: Path, quick: None) 
         train_tracker(other, tmp_path / "out", config=CONFIG, workers=1, engine="pybullet")
 
 
+def test_a_damaged_checkpoint_is_told_with_an_option_that_there_is(library: Path, tmp_path: Path) -> None:
+    (tmp_path / "checkpoint.safetensors").write_bytes(b"nonsense")
+    with pytest.raises(
+        KinemimicError, match=r"expected a checkpoint, found .*; delete it or choose another --out$"
+    ):
+        train_tracker(library, tmp_path, config=CONFIG, workers=1, engine="pybullet")
+
+
 def test_a_library_without_a_training_part_is_refused(tmp_path: Path, library: Path) -> None:
     walk = shipped_motion("walk")
     write_library(tmp_path, MotionLibrary.of([walk], [entry("walk", "a", "test", walk)]), {})
