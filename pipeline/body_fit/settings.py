@@ -45,12 +45,12 @@ class FitSettings:
     """Switches and weights of the terms.
 
     image, depth, floor, limits, smooth: whether the term counts. robust: errors beyond this many standard
-    deviations lose weight. depth_error: metres, of the depth between two joints; depth_share: of their
-    distance. floor_error: metres, of a standing foot's height; slip: metres per second of a standing foot;
-    memory: seconds over which errors of the landmarks are alike; views: number of independent views that a
-    clip counts as at most, against what is expected of the lengths and the camera, because the errors of a
-    network are alike in all frames. pitch_error, roll_error: radians, of a camera that is expected level;
-    focal_error: of the logarithm of a focal length that is assumed, not known (`focal_known`).
+    deviations lose weight. depth_error: metres, of the depth between two joints; floor_error: metres, of a
+    standing foot's height; slip: metres per second of a standing foot; memory: seconds over which errors of
+    the landmarks are alike; views: number of independent views that a clip counts as at most, against what is
+    expected of the lengths and the camera, because the errors of a network are alike in all frames.
+    pitch_error, roll_error: radians, of a camera that is expected level; focal_error: of the logarithm of a
+    focal length that is assumed, not known (`focal_known`).
     """
 
     image: bool = True

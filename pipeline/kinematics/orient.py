@@ -29,7 +29,6 @@ from kinemimic.pipeline.kinematics.twist import follow_twist
 FOOT_DROP = 0.205
 _DOWN = np.array([0.0, 0.0, -1.0])
 _UP = -_DOWN
-_LEFT = np.array([0.0, 1.0, 0.0])
 # A bone is swung in two steps, through a direction in the middle of its range: the one direction at which
 # the swing is undefined is then opposite to it, behind and above the hip or behind the shoulder, where no
 # bone can point.

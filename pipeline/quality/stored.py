@@ -1,4 +1,4 @@
-"""quality.json, gimbal.json and orientation.json as later stages read them: upgraded and checked."""
+"""quality.json and gimbal.json as later stages read them: upgraded and checked."""
 
 from __future__ import annotations
 
@@ -109,14 +109,6 @@ class Gimbal(Struct):
     schema: Annotated[int, Meta(ge=0, le=GIMBAL_SCHEMA)] = 0
 
 
-class Orientation(Struct):
-    """orientation.json."""
-
-    recorded_by: dict[str, str]
-    off_axis_deg: dict[str, Number]
-    schema: Annotated[int, Meta(ge=0, le=ORIENTATION_SCHEMA)] = 0
-
-
 def read_quality(path: Path) -> dict[str, Any]:
     """The quality report of a file, upgraded to the current schema; KinemimicError for other JSON."""
     advice = "run `ingest` again"
@@ -138,11 +130,6 @@ def read_quality(path: Path) -> dict[str, Any]:
 def read_gimbal(path: Path) -> dict[str, Any]:
     """The gimbal report of a file; KinemimicError for other JSON."""
     return checked(_read_object(path, "run `convert` again"), Gimbal, path, advice="run `convert` again")
-
-
-def read_orientation(path: Path) -> dict[str, Any]:
-    """The orientation report of a file; KinemimicError for other JSON."""
-    return checked(_read_object(path, "run `convert` again"), Orientation, path, advice="run `convert` again")
 
 
 def _read_object(path: Path, advice: str) -> dict[str, Any]:

@@ -19,13 +19,15 @@ from kinemimic.pipeline.writers.poses import Poses
 # Each channel occurs once per joint, so proper Euler orders (ZXZ) cannot be written.
 BVH_ORDERS: tuple[str, ...] = tuple(order for order in ORDERS if len(set(order)) == 3)
 _DECIMALS = 6
+_UNITS_PER_METRE = 100.0
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 # Rounding error of joints that do not move (metres, sines of half angles).
 _ROUNDING = 1e-9
 
 
-def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: float = 100.0) -> None:
-    """Write poses; BVH is Y up, so offsets, positions and rotations are converted from our Z up.
+def write_bvh(path: Path, poses: Poses, *, order: str = "YZX") -> None:
+    """Write poses in centimetres; BVH is Y up, so offsets, positions and rotations are converted from our Z
+    up.
 
     order: the order of the channels (YZX is the paper's Eq. 8). Every joint has three rotation channels;
     joints that move relative to their parents also get position channels before them, which replace the
@@ -46,9 +48,9 @@ def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: 
     names = tuple("_".join(name.split()) for name in skeleton.names)
     write_hierarchy(
         path,
-        Skeleton(names, skeleton.parents, units_per_metre * rotate(file_from_world, skeleton.offsets)),
+        Skeleton(names, skeleton.parents, _UNITS_PER_METRE * rotate(file_from_world, skeleton.offsets)),
         channels,
-        units_per_metre * rotate(file_from_world, poses.translations),
+        _UNITS_PER_METRE * rotate(file_from_world, poses.translations),
         np.degrees(file_angles(poses.rotations, order)),
         1.0 / poses.rate,
     )

@@ -66,16 +66,14 @@ def in_phase_window(phase: Array, window: tuple[float, float]) -> Mask:
     return np.asarray((own > window[0]) & (own < window[1]))
 
 
-def fit_root_path(
-    rotations: Array, sway: Array, speed: float, period: float, *, follow: bool = True
-) -> RootPath:
+def fit_root_path(rotations: Array, sway: Array, speed: float, period: float) -> RootPath:
     """The root path for local rotations (T, 20, 4) of one cycle.
 
     sway: (T, 3) metres, the recorded root about its uniform advance; speed: m/s; both scaled to the body.
 
     The height gets one constant shift. The speed is that at which the foot in single support does not slide,
-    because the person's legs have other proportions. With `follow`, the first harmonics of a walker's height
-    and of its sway also follow the foot in contact, each if that reduces the error.
+    because the person's legs have other proportions. The first harmonics of a walker's height and of its
+    sway also follow the foot in contact, each if that reduces the error.
     """
     frames = len(rotations)
     phase = np.arange(frames) / frames
@@ -105,7 +103,7 @@ def fit_root_path(
     as_recorded = np.column_stack([sway[:, :2], height])
     recorded, path = measure(as_recorded, speed), measure(as_recorded, best)
     follows = False
-    if follow and not running:
+    if not running:
         lifted = height - fourier.evaluate(fourier.fit(phase, bottom + height, FOLLOW_HARMONICS), phase)
         other = measure(np.column_stack([sway[:, :2], lifted]), best)
         if max(other.penetration, other.floating) < max(path.penetration, path.floating):

@@ -22,11 +22,12 @@ MIN_CLEARANCE = 0.015  # m between a swinging sole and the standing one
 MAX_TOE_LIFT = np.radians(20.0)
 FEET_ADJACENT = (0.66, 0.82)  # of the stride: the swinging foot passes the other
 TOE_LENGTH = 0.12  # m from the ankle to the end of the sole
+KNEE_SOFTNESS = np.radians(3.0)  # over which a knee's curve bends away from straight
 SHANK_LENGTH = float(-node_offsets()[N["ankle_left"], 2])
 
 
-def limit_knee_extension(rotations: Array, least: float = 0.0, softness: float = np.radians(3.0)) -> Array:
-    """Local rotations (T, 20, 4) with knees flexed by at least about `least` radians; the hips compensate.
+def limit_knee_extension(rotations: Array) -> Array:
+    """Local rotations (T, 20, 4) without knees that are extended beyond straight; the hips compensate.
 
     A sensor places the knee of a straight leg some centimetres too far back. The line from hip to ankle and
     the foot's orientation are kept: as the knee flexes, the thigh leans forward in proportion.
@@ -36,7 +37,7 @@ def limit_knee_extension(rotations: Array, least: float = 0.0, softness: float =
         hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
         angle = to_rotvec(rotations[:, knee])[:, 1]
         # A smooth maximum keeps the curve smooth.
-        flexion = softness * np.logaddexp(0.0, (least - angle) / softness)
+        flexion = KNEE_SOFTNESS * np.logaddexp(0.0, -angle / KNEE_SOFTNESS)
         thigh = flexion * SHANK_LENGTH / LEG_LENGTH
         out[:, hip] = multiply(rotations[:, hip], from_axis_angle("Y", -thigh))
         out[:, knee] = from_axis_angle("Y", angle + flexion)

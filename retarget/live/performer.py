@@ -36,8 +36,8 @@ def standing() -> Array:
 class Performed:
     """A moment of the reference.
 
-    root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); since: a person
-    was taken up in this moment.
+    root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); taken_up: a
+    person was taken up in this moment.
     """
 
     root: Array

@@ -32,6 +32,7 @@ RIDGE = 1e-5
 # Strides that share one straight advance. Over fewer strides the line would absorb part of the sway.
 SECTION_STRIDES = 4.0
 SMALLEST_FADE = 0.02  # weight of the first and last frame of a short bout
+ARM_HARMONICS, TRUNK_HARMONICS = 3, 4
 MIN_HARMONICS = 3  # of a node's rotation; with too few frames for them, the node gets no series
 HINGE_CHAINS: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
@@ -273,10 +274,8 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     return series, float(np.average(slopes[:, 0], weights=amounts[:, 0]))
 
 
-def fit_loop(
-    strides: Strides, local: Array, period: float, *, leg: int, arm: int = 3, trunk: int = 4
-) -> Loop:
-    """The loop of pooled strides and their local rotations (M, 20, 4); leg, arm, trunk: harmonics.
+def fit_loop(strides: Strides, local: Array, period: float, *, leg: int) -> Loop:
+    """The loop of pooled strides and their local rotations (M, 20, 4); leg: harmonics of the legs.
 
     Nodes that were hardly ever seen get no series.
     """
@@ -284,13 +283,13 @@ def fit_loop(
     for name in NODES:
         joint = name.partition("_")[0]
         if name in ("head", "hip_center", "spine", "shoulder_center"):
-            harmonics = trunk
+            harmonics = TRUNK_HARMONICS
         else:
-            harmonics = leg if joint in ("hip", "knee", "ankle") else arm
+            harmonics = leg if joint in ("hip", "knee", "ankle") else ARM_HARMONICS
         if joint in ("hand", "foot", "head"):
             continue
         series = fit_joint(strides, local[:, NODE_INDEX[name]], name, harmonics)
         if series is not None:
             joints[name] = series
-    root, speed = fit_root(strides, trunk)
+    root, speed = fit_root(strides, TRUNK_HARMONICS)
     return Loop(period=period, speed=speed, root=root, joints=joints)
