@@ -10,7 +10,6 @@ legs form one chain; arms and trunk, which have no contact, are refined joint by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +29,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.feet.contact import find_stances
 from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, clamp_to_limits, swing_twist
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.optimise.banded import MIN_CYCLE_FRAMES, adjoint, second_differences, solve_blocks
+from kinemimic.retarget.optimise.banded import MIN_CYCLE_FRAMES, second_differences
+from kinemimic.retarget.optimise.gauss_newton import gauss_newton, huber
 from kinemimic.retarget.optimise.ground_terms import RELEASE, BodyGroundTerms, apply_corrections
 from kinemimic.retarget.optimise.leg_chain import (
     JOINT_COLUMNS,
@@ -46,11 +46,6 @@ from kinemimic.retarget.optimise.leg_chain import (
 from kinemimic.retarget.optimise.limit_terms import JointLimitTerms
 from kinemimic.retarget.optimise.one_sided import OneSided
 
-# (corrections x (t, n) of a window's frames, window) -> J'WJ (t, n, n) and J'Wr (t, n).
-Terms = Callable[[Array, slice], tuple[Array, Array]]
-
-# A loop's closed form is near the solution; a motion kept as recorded may roll, kneel and land.
-LOOP_ITERATIONS, ITERATIONS = 5, 8
 # Expected deviations (metres, radians), by which residuals are scaled.
 ROOT_DEVIATION = (0.02, 0.02, 0.03)
 ROOT_ROTATION_DEVIATION = np.radians(1.5)
@@ -59,13 +54,7 @@ UPPER_BODY_DEVIATION = np.radians(4.0)
 NODE_DEVIATION = 0.03  # knees and ankles, from the root
 CONTACT_DEVIATION = 0.002  # a sole corner in contact, from its place on the ground
 PENETRATION_DEVIATION = 0.002
-HUBER_THRESHOLD = 2.0  # expected deviations beyond which the loss is linear
 MIN_WEIGHT = 0.05  # weight of a joint that was not seen at all
-# Hz below which changes are free. A loop is a smooth series, so its corrections must be smooth. A motion kept
-# as recorded jitters, so its poses must be smooth, no matter how large a correction that requires.
-CORRECTION_CUTOFF, POSE_CUTOFF = 3.5, 8.0
-# Frames solved together, and the overlap of windows, over which the effect of a correction fades.
-WINDOW, OVERLAP = 1500, 60
 LIMIT_PROXIMITY = np.radians(15.0)  # joints that stay farther from their limits get no limit terms
 
 
@@ -127,7 +116,7 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
         jacobian[:, :, :2, :, ROOT_POSITION] = 0.0
         residual, weight = np.empty_like(points), np.empty_like(points)
         residual[:, :, :2] = points[:, :, :2] - root[:, None, None] - below_root[window]
-        weight[:, :, :2] = node_weights[window] * _huber(residual[:, :, :2] / NODE_DEVIATION)
+        weight[:, :, :2] = node_weights[window] * huber(residual[:, :, :2] / NODE_DEVIATION)
         corners, contact = points[:, :, 2:], standing.weight[window]
         residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
         residual[:, :, 2:, 2] = corners[..., 2]
@@ -150,7 +139,7 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
         corners = leg_points(chain, x)[:, :, 2:]
         anchors[:] = standing.anchors(corners, motion.cycle_offset)
 
-    return _gauss_newton(
+    return gauss_newton(
         terms,
         deviation,
         weights,
@@ -196,7 +185,7 @@ def _refine_joint(motion: Motion, joint: str, seen: Array) -> Array:
         return np.zeros((*x.shape, size)), np.zeros_like(x)
 
     turn = _rotation_differences(q, cyclic=motion.cyclic)
-    x = _gauss_newton(
+    x = gauss_newton(
         terms,
         np.full(size, UPPER_BODY_DEVIATION),
         np.repeat(seen[:, None], size, axis=1),
@@ -206,66 +195,6 @@ def _refine_joint(motion: Motion, joint: str, seen: Array) -> Array:
     )
     # A hand in an arbitrary pose may still exceed its limits after a few steps: clamp them.
     return clamp_to_limits(joint, multiply(q, from_axis_angle("Y", x[:, 0]) if hinge else from_rotvec(x)))
-
-
-def _gauss_newton(
-    terms: Terms,
-    deviation: Array,
-    weights: Array,
-    bending: Array,
-    *,
-    rate: float,
-    cyclic: bool,
-    root_smoothing: tuple[Array, Array] | None = None,
-    before_step: Callable[[Array], None] | None = None,
-) -> Array:
-    """Corrections x (T, n) that minimise `terms`, weighted squares of x / deviation, and second differences.
-
-    weights: (T, n) of x; bending: (T, n) second differences to smooth in addition to those of x;
-    root_smoothing: see `_root_smoothing`; before_step: called with x before each step. A long clip is solved
-    in overlapping windows: far from its ends a window's solution equals that of the whole clip, and the next
-    step corrects the remaining difference.
-    """
-    frames, n = weights.shape
-    x = np.zeros((frames, n))
-    stiffness = _stiffness(CORRECTION_CUTOFF if cyclic else POSE_CUTOFF, rate) / deviation**2
-    share, jitter = (np.zeros(n), np.zeros((frames, n))) if root_smoothing is None else root_smoothing
-    root_stiffness = _stiffness(CORRECTION_CUTOFF, rate) * share / deviation**2
-    at = np.arange(n)
-    for _ in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
-        if before_step is not None:
-            before_step(x)
-        step = np.empty_like(x)
-        for window, core in _windows(frames, cyclic=cyclic):
-            now = x[window]
-            square, right = terms(now, window)
-            prior = weights[window] * _huber(now / deviation) / deviation**2
-            square[:, at, at] += prior
-            own = second_differences(now, cyclic=cyclic)
-            bend = (own + bending[window]) * stiffness + (own + jitter[window]) * root_stiffness
-            right += prior * now + adjoint(bend, cyclic=cyclic)
-            solution = solve_blocks(square, stiffness + root_stiffness, -right, cyclic=cyclic)
-            step[core] = solution[core.start - window.start : core.stop - window.start]
-        x += step
-    return x
-
-
-def _windows(frames: int, *, cyclic: bool) -> Iterator[tuple[slice, slice]]:
-    """Windows over a clip, and the part of each whose solution is used; a cycle is one window."""
-    length = frames if cyclic else WINDOW
-    for start in range(0, frames, length):
-        # The last part may be short: its window reaches back into the one before.
-        stop = min(start + length, frames)
-        yield slice(max(0, start - OVERLAP), min(frames, stop + OVERLAP)), slice(start, stop)
-
-
-def _stiffness(band: float, rate: float) -> float:
-    """Weight of second differences that halves a sine of `band` Hz: 1 / (2 sin(π band / rate))⁴."""
-    return float((2.0 * np.sin(np.pi * min(band / rate, 0.5))) ** -4)
-
-
-def _huber(ratio: Array) -> Array:
-    return 1.0 / np.maximum(1.0, np.abs(ratio) / HUBER_THRESHOLD)
 
 
 def _rotation_differences(q: Array, *, cyclic: bool) -> Array:

@@ -21,7 +21,7 @@ from kinemimic.retarget.feet.contact import contact_speeds, sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.retarget.optimise import refine as module
+from kinemimic.retarget.optimise import gauss_newton
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.strides.selection import select_bouts
 
@@ -127,7 +127,7 @@ def test_a_cycle_has_no_seam(loop):
 def test_windows_of_a_long_clip_give_the_solution_of_the_whole(monkeypatch):
     noisy = shaken(squat(frames=400), np.radians(2.0), 0.01, seed=1)
     whole = refine(noisy)
-    monkeypatch.setattr(module, "WINDOW", 70)
+    monkeypatch.setattr(gauss_newton, "WINDOW", 70)
     parts = refine(noisy)
     assert parts.root == pytest.approx(whole.root, abs=1e-4)
     assert np.degrees(angle_between(parts.rotations, whole.rotations)).max() < 0.02
