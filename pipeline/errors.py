@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 
@@ -31,3 +32,15 @@ class CaptureError(KinemimicError):
 
 class NotACaptureError(CaptureError):
     """A file that is not a capture: neither in a known format nor a table of numbers."""
+
+
+def one_line(error: Exception) -> str:
+    """What a user is told of an expected error, in one line.
+
+    Of an OSError, its file, if it names one, and what the system says, without the number.
+    """
+    text = str(error)
+    if isinstance(error, OSError):
+        place = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""
+        text = place + (error.strerror or text or type(error).__name__).lower()
+    return " ".join(text.splitlines())

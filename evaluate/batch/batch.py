@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.evaluate.batch.sources import paths_of, run_folders
-from kinemimic.evaluate.batch.state import BatchState
+from kinemimic.evaluate.batch.state import BatchState, place_of
 from kinemimic.evaluate.batch.task import Row, Task
 from kinemimic.evaluate.batch.work import BatchWork
 from kinemimic.evaluate.workflow.run import for_tracker
@@ -91,21 +91,21 @@ def _free(folder: Path) -> str:
 
 def _gone(sources: Sequence[str | Path], state: BatchState) -> list[str]:
     """Names of captures that were in a folder which this batch has searched, and are not there any more."""
-    searched = [path.absolute() for path in paths_of(sources) if path.is_dir()]
+    searched = [place_of(path) for path in paths_of(sources) if path.is_dir()]
     return [
         name
         for name, (capture, _) in state.rows().items()
-        if any(capture.is_relative_to(folder) for folder in searched) and not capture.exists()
+        if any(place_of(capture).is_relative_to(folder) for folder in searched) and not capture.exists()
     ]
 
 
 def _interrupted(tasks: Sequence[Task], work: BatchWork, out: Path, config: Mapping[str, Any]) -> None:
-    """Write the rows of the captures that are finished, and remove what is left of the others."""
-    from kinemimic.evaluate.batch.capture import clear  # noqa: PLC0415 (import cost)
+    """Write the rows of the captures that are finished, and remove what is left of those that were begun."""
+    from kinemimic.evaluate.batch.capture import clear_if_free  # noqa: PLC0415 (import cost)
 
     for task in tasks:
         if task.name not in work.rows and work.is_mine(task):
-            clear(task.folder)
+            clear_if_free(task.folder)
     _write(out, [work.rows[task.name] for task in tasks if task.name in work.rows], config)
 
 

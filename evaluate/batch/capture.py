@@ -6,7 +6,7 @@ import errno
 import shutil
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from kinemimic.evaluate.batch.row import (
@@ -19,7 +19,7 @@ from kinemimic.evaluate.batch.row import (
 from kinemimic.evaluate.batch.state import Kept
 from kinemimic.evaluate.batch.task import TRACKER, Row, Task, made_from
 from kinemimic.evaluate.workflow.run import run
-from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
+from kinemimic.pipeline.errors import KinemimicError, NotACaptureError, one_line
 from kinemimic.pipeline.files.stages import STAGES, stage_named
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
@@ -32,6 +32,7 @@ from kinemimic.retarget.formats.gait_json import read_gait_json
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 # Of a performance, what the row and the report do not need, and `run` makes again: 12 MB of 14.
 _LARGE = ("policy.safetensors", "trajectory.npz")
+_IN_USE = "its run folder is in use by another process; run the batch again when that has ended"
 _PATIENCE = 10.0  # seconds that the process of a batch which was killed may take to end
 
 
@@ -39,10 +40,14 @@ def process(task: Task) -> Kept:
     """Run the stages on a capture; a refusal is a row with its reason.
 
     Outputs of an earlier run are removed first, unless the task goes on with it, so that no old motion stands
-    beside a refusal.
+    beside a refusal. A run folder that another process holds stays as it is.
     """
     begin = time.perf_counter()
-    with _patiently(task.folder):
+    with ExitStack() as held:
+        try:
+            held.enter_context(_patiently(task.folder))
+        except KinemimicError:
+            return Kept(empty_row(task, FAILED, _IN_USE), {})
         if not task.resume:
             clear(task.folder)
         row = _row(task)
@@ -66,7 +71,7 @@ def _row(task: Task) -> Row:
         return empty_row(task, OTHER, str(error))
     except (KinemimicError, OSError) as error:
         full = isinstance(error, OSError) and error.errno in _NO_SPACE
-        row = empty_row(task, FAILED if full else REFUSED, _text(error))
+        row = empty_row(task, FAILED if full else REFUSED, one_line(error))
         return row | capture_columns(task.folder) | {"stage": _unfinished(task.folder, motion)}
     row = empty_row(task, "accepted", "") | capture_columns(task.folder)
     if "retarget" in motion:
@@ -83,18 +88,28 @@ def _performed(task: Task) -> Row:
             task.capture, task.folder, options=task.options, stages=task.stages, policy=TRACKER, quiet=True
         ).scores
     except KinemimicError as error:
-        return {"unperformed": empty_row(task, "", _text(error))["reason"]}
+        return {"unperformed": empty_row(task, "", one_line(error))["reason"]}
     except OSError as error:
         status = FAILED if error.errno in _NO_SPACE else "accepted"
-        reason = empty_row(task, status, _text(error))["reason"]
+        reason = empty_row(task, status, one_line(error))["reason"]
         return {"status": status, "reason": reason} if status == FAILED else {"unperformed": reason}
     for name in _LARGE:
         (task.folder / name).unlink(missing_ok=True)
     return score_columns(scores or read_json(task.folder / "scores.json"))
 
 
+def clear_if_free(folder: Path) -> None:
+    """`clear` a run folder if there is one, and no other process holds it."""
+    if folder.is_dir():
+        with suppress(KinemimicError, OSError), locked(folder):
+            clear(folder)
+
+
 def clear(folder: Path) -> None:
-    """Remove what the stages, and a process that was killed in one of them, left in a run folder."""
+    """Remove what the stages, and a process that was killed in one of them, left in a run folder.
+
+    For who holds it.
+    """
     for name in (RUN_FILE, "index.html", *(file for stage in STAGES for file in stage.writes)):
         for file in (*folder.glob(name), *folder.glob(f".{name}.*")):
             file.unlink(missing_ok=True)
@@ -122,9 +137,3 @@ def _unfinished(folder: Path, stages: tuple[str, ...]) -> str | None:
     """The first stage without its output."""
     missing = (name for name in stages if not (folder / stage_named(name).writes[0]).exists())
     return next(missing, None)
-
-
-def _text(error: Exception) -> str:
-    if isinstance(error, OSError):
-        return f"{error.filename}: {(error.strerror or str(error)).lower()}"
-    return str(error)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from kinemimic.evaluate.batch.state import place_of
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE
 from kinemimic.pipeline.files.toml_file import read_text
@@ -81,7 +82,8 @@ def _of_catalog(source: str, place: str) -> Iterator[Path]:
 def run_folders(sources: Sequence[Path], out: Path) -> dict[Path, Path]:
     """The files at `sources`, except those below `out`, and their run folders.
 
-    A run folder has the path of its file, below `out` instead of the folder that all sources share.
+    A run folder has the path of its file, below `out` instead of the folder that all sources share. A file
+    that two sources name differently is there once.
     KinemimicError for a source that does not exist.
     """
     for source in sources:
@@ -93,9 +95,21 @@ def run_folders(sources: Sequence[Path], out: Path) -> dict[Path, Path]:
     # A depth recording is a folder that counts as a file.
     found = {*files}
     roots = (source if source.is_dir() and source not in found else source.parent for source in sources)
-    shared = os.path.commonpath([root.absolute() for root in roots])
+    shared = os.path.commonpath([place_of(root) for root in roots])
+    own = place_of(out)
+    places = {place_of(file): file for file in reversed(files)}  # the first of several is kept
     return {
-        file: out / os.path.relpath(file.absolute(), shared)
-        for file in files
-        if not file.absolute().is_relative_to(out.absolute())
+        file: out / _below(place, shared)
+        for place, file in reversed(places.items())
+        if not place.is_relative_to(own)
     }
+
+
+def _below(place: Path, shared: str) -> Path:
+    """The path of a file below the folder that all sources share; KinemimicError if it leads out of it."""
+    path = Path(os.path.relpath(place, shared))
+    if ".." in path.parts:
+        raise KinemimicError(
+            f"{place}: expected a file below {shared}, found one elsewhere; name it by itself"
+        )
+    return path

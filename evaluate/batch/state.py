@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.run_folder.lock import where_supported
 
 STATE, LOCKS = "batch.sqlite", ".batch.lock"
 STATE_SCHEMA = 1
@@ -82,10 +83,15 @@ class BatchState:
         """
         found: dict[Path, str] = {}
         with self._errors(), self._transaction():
-            known = dict(self._rows.execute("SELECT capture, name FROM captures"))
-            owners = {name: capture for capture, name in known.items()}
+            owners = dict(self._rows.execute("SELECT name, capture FROM captures"))
+            # Earlier versions stored paths with "..", and let names lead out of the folder.
+            known = {
+                str(place_of(Path(capture))): name
+                for name, capture in owners.items()
+                if ".." not in Path(name).parts
+            }
             for capture, name in wanted.items():
-                place, name = _text(str(capture.absolute())), _text(name)  # noqa: PLW2901
+                place, name = _text(str(place_of(capture))), _text(name)  # noqa: PLW2901
                 if place not in known:
                     owner = owners.get(name)
                     if owner is not None and Path(owner).exists():
@@ -138,25 +144,32 @@ class BatchState:
             self._rows.execute("INSERT OR REPLACE INTO facts VALUES (?, ?)", (name, value))
 
     def claim(self, name: str) -> bool:
-        """Whether no other process works on this capture; if so, none does until `release`."""
+        """Whether no other process works on this capture; if so, none does until `release`.
+
+        On a file system without locks, every process may.
+        """
         try:
-            fcntl.lockf(self._locks, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _byte(name))
+            self._lock(fcntl.LOCK_EX | fcntl.LOCK_NB, _byte(name))
         except (BlockingIOError, PermissionError):
             return False
         return True
 
     def release(self, name: str) -> None:
         """End a claim."""
-        fcntl.lockf(self._locks, fcntl.LOCK_UN, 1, _byte(name))
+        self._lock(fcntl.LOCK_UN, _byte(name))
 
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Wait until no other process is within this block, and keep others waiting."""
-        fcntl.lockf(self._locks, fcntl.LOCK_EX, 1, _WHOLE)
+        self._lock(fcntl.LOCK_EX, _WHOLE)
         try:
             yield
         finally:
-            fcntl.lockf(self._locks, fcntl.LOCK_UN, 1, _WHOLE)
+            self._lock(fcntl.LOCK_UN, _WHOLE)
+
+    def _lock(self, operation: int, byte: int) -> None:
+        with where_supported():
+            fcntl.lockf(self._locks, operation, 1, byte)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -179,6 +192,15 @@ class BatchState:
                 f"{self._path}: expected the rows of batches, found {error}; delete it, and all captures are "
                 "processed again"
             ) from None
+
+
+def place_of(path: Path) -> Path:
+    """The absolute path without "..", by which captures and folders are told apart."""
+    plain = Path(os.path.abspath(path))  # noqa: PTH100 (`resolve` follows links)
+    if ".." not in path.parts or not path.exists() or (plain.exists() and plain.samefile(path)):
+        return plain
+    # Beyond a link, ".." is another folder than the one in which the link is.
+    return path.resolve()
 
 
 def _byte(name: str) -> int:

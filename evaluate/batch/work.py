@@ -12,7 +12,7 @@ from typing import Any
 
 from kinemimic.evaluate.batch.state import BatchState, Kept
 from kinemimic.evaluate.batch.task import Row, Task, resumable, up_to_date
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import KinemimicError, one_line
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.task_pool import Failure
 
@@ -67,7 +67,7 @@ class BatchWork:
                     try:
                         sent = packed(_resumed(task, resume))
                     except (KinemimicError, OSError) as error:
-                        self._keep(task, _failed(task, _text(error)), advance)
+                        self._keep(task, _failed(task, one_line(error)), advance)
                         continue
                     drawn.append(task)
                     yield sent
@@ -76,11 +76,11 @@ class BatchWork:
             self._keep(drawn[index], self._outcome(executor, drawn[index], outcome), advance)
 
     def _outcome(self, executor: Executor, task: Task, outcome: Any) -> Kept:
-        from kinemimic.evaluate.batch.capture import clear  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.capture import clear_if_free  # noqa: PLC0415 (import cost)
         from kinemimic.evaluate.batch.packed_capture import unpack  # noqa: PLC0415 (import cost)
 
         if isinstance(outcome, Failure):
-            clear(task.folder)
+            clear_if_free(task.folder)
             return _failed(task, outcome.reason)
         if executor.shares_disk:
             assert isinstance(outcome, Kept)  # noqa: S101 (narrows the type)
@@ -88,7 +88,7 @@ class BatchWork:
         try:
             return unpack(task, outcome)
         except (KinemimicError, OSError) as error:
-            return _failed(task, _text(error))
+            return _failed(task, one_line(error))
 
     def _keep(self, task: Task, kept: Kept, advance: Callable[[Task], object]) -> None:
         self._state.put(task.name, kept)
@@ -123,12 +123,6 @@ def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], An
 
 def _resumed(task: Task, resume: bool) -> Task:
     return Task(task.capture, task.folder, task.options, task.to, task.name, resume)
-
-
-def _text(error: Exception) -> str:
-    if isinstance(error, OSError):
-        return f"{error.filename}: {(error.strerror or str(error)).lower()}"
-    return str(error)
 
 
 def _failed(task: Task, reason: str) -> Kept:

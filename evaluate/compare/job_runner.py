@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from kinemimic.pipeline.cli.progress import reported_to
 from kinemimic.pipeline.cli.progress_state import ProgressState
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import KinemimicError, one_line
 from kinemimic.pipeline.parallel.interruption import deferred
 from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
 
@@ -90,10 +90,8 @@ def _do(connection: Connection, work: Callable[[Task], object], task: Task) -> N
     try:
         with reported_to(lambda state: connection.send(("progress", state))):
             work(task)
-    except KinemimicError as found:
-        error = str(found)
-    except OSError as found:
-        error = f"{found.filename or 'a file'}: {found.strerror or found}"
+    except (KinemimicError, OSError) as found:
+        error = one_line(found)
     except KeyboardInterrupt:  # the task was asked to end, and has saved its state
         return
     connection.send(("ended", error))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import fcntl
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +14,16 @@ from kinemimic.pipeline.cli.progress import Bar, Bars
 from kinemimic.pipeline.cli.progress_state import ProgressState
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json, write_text
+from kinemimic.pipeline.run_folder.lock import locked
 
 
 @contextmanager
 def exclusive(out: Path) -> Iterator[None]:
     """Lock the folder: two comparisons in it would train the same cells."""
-    out.mkdir(parents=True, exist_ok=True)
-    with (out / ".lock").open("w") as stream:
+    with ExitStack() as held:
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            held.enter_context(locked(out))
+        except KinemimicError:
             raise KinemimicError(
                 f"{out}: expected no other comparison in this folder, found one running; wait, or name "
                 "another --out"

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from kinemimic.evaluate.compare.cell import Cell, prepare, train_and_score
 from kinemimic.evaluate.compare.job_runner import Listener
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import KinemimicError, one_line
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.packed_files import PackedFiles, read_folder, write_files
 from kinemimic.pipeline.parallel.task_pool import Failure
@@ -47,8 +47,8 @@ def train_packed(packed: PackedCell) -> TrainedCell:
         _write(cell, packed.files)
         try:
             train_and_score(cell)
-        except KinemimicError as error:
-            return TrainedCell(read_folder(cell.folder), str(error))
+        except (KinemimicError, OSError) as error:
+            return TrainedCell(read_folder(cell.folder), one_line(error))
         return TrainedCell(read_folder(cell.folder), None)
 
 
@@ -63,7 +63,7 @@ def spread(executor: Executor, cells: Sequence[Cell], listener: Listener[Cell]) 
             try:
                 one = pack(cell)
             except (KinemimicError, OSError) as error:
-                listener.ended(cell, _text(error))
+                listener.ended(cell, one_line(error))
                 continue
             sent.append(cell)
             yield one
@@ -76,15 +76,9 @@ def spread(executor: Executor, cells: Sequence[Cell], listener: Listener[Cell]) 
         try:
             _write(cell, outcome.files)
         except (KinemimicError, OSError) as error:
-            listener.ended(cell, _text(error))
+            listener.ended(cell, one_line(error))
         else:
             listener.ended(cell, outcome.refused)
-
-
-def _text(error: KinemimicError | OSError) -> str:
-    if isinstance(error, OSError):
-        return f"{error.filename or 'a file'}: {error.strerror or error}"
-    return str(error)
 
 
 def _write(cell: Cell, files: PackedFiles) -> None:

@@ -21,13 +21,15 @@ from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import versions
+from kinemimic.pipeline.files.store import file_hash
 from kinemimic.retarget.dataset.columns import DATASET_SCHEMA, INDEX, INDEX_COLUMNS, SUMS
 from kinemimic.retarget.dataset.index_table import write_rows, write_sums
 from kinemimic.retarget.dataset.shards import ShardWriter
 from kinemimic.retarget.dataset.split import SPLITS, split_of, subject_of, subject_pattern
 from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.humanoid.motion import Motion
 
-DATASET, PAGE = "dataset", "index.html"
+DATASET, PAGE, MOTION = "dataset", "index.html", "motion.json"
 _NEW, _OLD = ".dataset-new", ".dataset-old"
 _MADE, _SUBJECT = "dataset", "subject"  # facts of the state
 
@@ -46,7 +48,9 @@ class State(Protocol):
 def refresh(folder: Path, state: State, *, subject: str | None = None) -> bool:
     """Make the data set and the page of `folder`, unless they are up to date; returns whether they were made.
 
-    subject: as `subject_pattern`; None: that of the last call.
+    subject: as `subject_pattern`; None: that of the last call. A motion that another batch has removed or
+    replaced meanwhile, to make it again, is left out until the next call; without any other row, the old data
+    set stays.
     """
     with state.alone():
         chosen = subject if subject is not None else state.fact(_SUBJECT)
@@ -64,7 +68,11 @@ def refresh(folder: Path, state: State, *, subject: str | None = None) -> bool:
         try:
             licences = {entry.sha256: entry.licence for entry in load_catalog().entries}
             index = [_described(row, pattern, licences) for row, _ in rows]
-            drawings = _write_motions(new, folder, index)
+            hashes = {row["name"]: _motion_hash(made_from) for row, made_from in rows}
+            drawings, lost = _write_motions(new, folder, index, hashes)
+            index = [row for row in index if row["name"] not in lost]
+            if not index:
+                return False
             write_rows(new, index)
             write_card(new, index)
             write_sums(new)
@@ -73,7 +81,7 @@ def refresh(folder: Path, state: State, *, subject: str | None = None) -> bool:
         finally:
             shutil.rmtree(new, ignore_errors=True)
         state.set_fact(_SUBJECT, chosen or "")
-        state.set_fact(_MADE, made)
+        state.set_fact(_MADE, "" if lost else made)
     return True
 
 
@@ -119,14 +127,21 @@ def _described(row: Row, pattern: Any, licences: Mapping[str, str]) -> Row:
     )
 
 
-def _write_motions(new: Path, folder: Path, index: Sequence[Row]) -> dict[str, Drawing]:
-    """Write the shards; completes the rows, and returns the drawings of the motions by name."""
+def _write_motions(
+    new: Path, folder: Path, index: Sequence[Row], hashes: Mapping[str, str | None]
+) -> tuple[dict[str, Drawing], set[str]]:
+    """Write the shards; completes the rows, and returns the drawings of the motions by name, and the names of
+    motions that are not those of their rows any more. hashes: of motion.json, by name."""
     drawings: dict[str, Drawing] = {}
+    lost: set[str] = set()
     accepted = [row for row in index if row["status"] == "accepted" and row["kind"] is not None]
     with ExitStack() as stack, progress("data set", len(accepted), unit="motions") as bar:
         writers = {split: stack.enter_context(closing(ShardWriter(new, split))) for split in SPLITS}
         for row in accepted:
-            motion = read_motion_json(folder / row["name"] / "motion.json")
+            motion = _motion(folder / row["name"] / MOTION, hashes[row["name"]])
+            if motion is None:
+                lost.add(row["name"])
+                continue
             row |= {
                 "motion": motion.identity,
                 "motion_frames": len(motion.root),
@@ -136,7 +151,28 @@ def _write_motions(new: Path, folder: Path, index: Sequence[Row]) -> dict[str, D
             }
             drawings[row["name"]] = drawing_of(motion)
             bar.advance(1.0)
-    return drawings
+    return drawings, lost
+
+
+def _motion_hash(made_from: Row) -> str | None:
+    """The hash of the motion.json that a row is about."""
+    mark = made_from.get("outputs", {}).get(MOTION)
+    return None if mark is None else str(mark[2])
+
+
+def _motion(path: Path, sha256: str | None) -> Motion | None:
+    """The motion in a file; None if the file is gone, or another one."""
+
+    def is_same() -> bool:
+        return path.is_file() and file_hash(path) == sha256
+
+    try:
+        motion = read_motion_json(path)
+    except (KinemimicError, OSError):
+        if is_same():
+            raise
+        return None
+    return motion if is_same() else None
 
 
 def _replace(place: Path, new: Path, old: Path) -> None:

@@ -14,16 +14,16 @@ import click
 
 from kinemimic.evaluate.batch.batch import TIMEOUT, batch
 from kinemimic.evaluate.batch.command import STAGE_OPTIONS
+from kinemimic.evaluate.batch.sources import paths_of, run_folders
 from kinemimic.evaluate.workflow.run import for_tracker, passed_on, stage_options
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.retarget.dataset.split import SUBJECT, subject_in, subject_pattern
 
 if TYPE_CHECKING:
     from kinemimic.retarget.library.motion_library import Entry
-
-SUBJECT = r"[^_]+"
 
 
 def library(
@@ -44,10 +44,10 @@ def library(
     subject: regular expression of the person in a file's name without ending, from its beginning: the first
     group, or all that matches; test: subjects that are left out of the split "train"; variants: number of
     random variants of the training part's loops to add, and exercises of random exercises on the spot, both
-    drawn from `seed` (`library_variants.py`); sources, options, jobs, timeout: as for `batch`, which writes
+    drawn from `seed` (`variants.py`); sources, options, jobs, timeout: as for `batch`, which writes
     its run folders below out/runs. Returns the content of library.json.
     KinemimicError without an accepted motion, for a name that does not match, for an unknown subject, and for
-    variants without a loop.
+    variants without a loop. If no file has a matching name, or that of a subject, no capture is processed.
     """
     # Import cost: these load the stages.
     from kinemimic.evaluate.batch.row import ACCEPTED  # noqa: PLC0415
@@ -56,15 +56,14 @@ def library(
     from kinemimic.retarget.library.library_file import write_library  # noqa: PLC0415
     from kinemimic.retarget.library.motion_library import MotionLibrary  # noqa: PLC0415
 
-    pattern, options = _pattern(subject), for_tracker(options or {})
+    pattern, options = subject_pattern(subject), for_tracker(options or {})
     runs = out / "runs"
+    _require_subjects([file.name for file in run_folders(paths_of(sources), runs)], pattern, test)
     rows = batch(sources, runs, options=options, jobs=jobs, timeout=timeout, dataset=False)["captures"]
     if not rows:
         raise KinemimicError(f"{sources[0]}: expected captures, found none")
-    subjects = {row["file"]: _subject(pattern, Path(row["file"])) for row in rows}
-    if unknown := set(test) - set(subjects.values()):
-        known = ", ".join(sorted(set(subjects.values())))
-        raise KinemimicError(f"--test: expected subjects of the captures ({known}), found {min(unknown)!r}")
+    subjects = {row["file"]: _subject(Path(row["file"]).name, pattern) for row in rows}
+    _require_known(test, subjects.values())
     accepted = [row for row in rows if row["status"] == ACCEPTED]
     if not accepted:
         raise KinemimicError(
@@ -111,23 +110,34 @@ def library(
     return write_library(out, MotionLibrary.of(motions, entries), described)
 
 
-def _pattern(subject: str) -> re.Pattern[str]:
-    try:
-        return re.compile(subject)
-    except re.error as error:
-        raise KinemimicError(
-            f"--subject: expected a regular expression, found {subject!r}: {error}"
-        ) from None
+def _require_subjects(names: Sequence[str], pattern: re.Pattern[str], test: Collection[str]) -> None:
+    """KinemimicError if no file's name has a person, or none has one of `test`. Which files are captures is
+    not known yet: other names without a person are no error here."""
+    found = {subject for name in names if (subject := subject_in(name, pattern)) is not None}
+    if names and not found:
+        raise _without_subject(names[0])
+    if names:
+        _require_known(test, found)
 
 
-def _subject(pattern: re.Pattern[str], file: Path) -> str:
-    found = pattern.match(file.stem)
-    if found is None or not (name := found[1] if pattern.groups else found[0]):
-        raise KinemimicError(
-            f"--subject: expected a regular expression that finds a person in every file's name, found none "
-            f"in {file.name!r}"
-        )
-    return name
+def _require_known(test: Collection[str], subjects: Collection[str]) -> None:
+    if unknown := set(test) - set(subjects):
+        known = ", ".join(sorted(set(subjects)))
+        raise KinemimicError(f"--test: expected subjects of the captures ({known}), found {min(unknown)!r}")
+
+
+def _subject(name: str, pattern: re.Pattern[str]) -> str:
+    found = subject_in(name, pattern)
+    if found is None:
+        raise _without_subject(name)
+    return found
+
+
+def _without_subject(name: str) -> KinemimicError:
+    return KinemimicError(
+        f"--subject: expected a regular expression that finds a person in every file's name, found none in "
+        f"{name!r}"
+    )
 
 
 def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: Collection[str]) -> Entry:

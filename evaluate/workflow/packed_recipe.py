@@ -10,7 +10,7 @@ from typing import Any
 
 from kinemimic.evaluate.policies.recipe import Recipe
 from kinemimic.evaluate.workflow.run import run
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import KinemimicError, one_line
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.packed_files import PackedFiles, read_files, read_folder, write_files
 from kinemimic.pipeline.parallel.task_pool import Failure
@@ -61,8 +61,8 @@ def train_packed(packed: PackedRecipe) -> TrainedRecipe:
         refused = None
         try:
             run(capture, folder, options=stage_options(packed.recipe, packed.engine, workers=1), quiet=True)
-        except KinemimicError as error:
-            refused = str(error)
+        except (KinemimicError, OSError) as error:
+            refused = one_line(error)
         return TrainedRecipe(read_folder(folder) if folder.exists() else {}, refused)
 
 
@@ -95,6 +95,6 @@ def spread(
         try:
             with locked(runs / recipe.name):
                 write_files(runs / recipe.name, outcome.files, last=lambda name: name == RUN_FILE)
-        except KinemimicError as error:
-            refused = str(error)
+        except (KinemimicError, OSError) as error:
+            refused = one_line(error)
         yield recipe, refused

@@ -16,7 +16,7 @@ from kinemimic.pipeline.cli.heartbeat import heartbeat, running_for
 from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
 from kinemimic.pipeline.cli.printable import echo, replace_what_cannot_be_encoded
 from kinemimic.pipeline.cli.settings import read_settings, require_commands
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import KinemimicError, one_line
 
 # Each command is named by a string and imported when it runs: the command line belongs to the lowest layer,
 # which must not import the layers above it.
@@ -182,8 +182,8 @@ def _fail(message: str) -> int:
 def _described(error: OSError) -> str:
     if isinstance(error, FileNotFoundError) and error.filename is None and not _has_working_folder():
         return "the current folder no longer exists; change to another one"
-    place = f"{_shortened(str(error.filename))}: " if error.filename else ""
-    return f"{place}{(error.strerror or str(error)).lower()}"
+    name = str(error.filename or "")
+    return one_line(error).replace(name, _shortened(name), 1)
 
 
 def _has_working_folder() -> bool:

@@ -21,6 +21,7 @@ from itertools import islice
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
+from kinemimic.pipeline.errors import KinemimicError, one_line
 from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
 
 # A capture of a person takes a second; a file that takes a minute, or gigabytes, is not one.
@@ -185,12 +186,17 @@ def caught(work: Callable[[Task], Result], task: Task) -> tuple[Result | None, E
 
 
 def guarded(work: Callable[[Task], Result], memory: int | None, task: Task) -> Result | Failure:
-    """The result, or a Failure; memory: the limit of the process in bytes, if it has one."""
+    """The result, or a Failure: with the reason of an expected error in one line, else it says a bug.
+
+    memory: the limit of the process in bytes, if it has one.
+    """
     try:
         return work(task)
     except MemoryError:
         most = "the memory that there is" if memory is None else f"{memory / 2**30:.3g} GiB of memory"
         return Failure(f"it takes more than {most}")
+    except (KinemimicError, OSError) as error:
+        return Failure(one_line(error))
     except Exception as error:
         return Failure(f"a bug in kinemimic, please report it: {type(error).__name__}: {error}")
 

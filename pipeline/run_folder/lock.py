@@ -51,16 +51,25 @@ def _lock(run: Path) -> int:
     """A descriptor of the folder that holds the lock."""
     handle = os.open(run, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        with where_supported():
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(handle)
         raise KinemimicError(
             f"{run}: expected a free run folder, found one in use by another kinemimic command; "
             "wait until it has finished, or choose another --run"
         ) from None
-    except OSError as error:
-        # Some network file systems have no locks.
-        if error.errno not in _UNSUPPORTED:
-            os.close(handle)
-            raise
+    except OSError:
+        os.close(handle)
+        raise
     return handle
+
+
+@contextmanager
+def where_supported() -> Iterator[None]:
+    """Around a call that locks: go on without where there are no locks, as on some network file systems."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise

@@ -28,10 +28,18 @@ def subject_pattern(text: str | None) -> re.Pattern[str]:
 def subject_of(name: str, pattern: re.Pattern[str]) -> str:
     """The person in a capture's file name without ending, from its beginning: the first group, or all that
     matches; the whole name without a match, so that such a capture is a person of its own."""
+    return subject_in(name, pattern) or _stem(name)
+
+
+def subject_in(name: str, pattern: re.Pattern[str]) -> str | None:
+    """As `subject_of`; None without a match, and for one of nothing."""
+    found = pattern.match(_stem(name))
+    return (found and (found[1] if pattern.groups else found[0])) or None
+
+
+def _stem(name: str) -> str:
     stem = PurePosixPath(name).name.removesuffix(".gz")
-    stem = stem.rpartition(".")[0] or stem
-    found = pattern.match(stem)
-    return (found and (found[1] if pattern.groups else found[0])) or stem
+    return stem.rpartition(".")[0] or stem
 
 
 def split_of(subject: str) -> str:

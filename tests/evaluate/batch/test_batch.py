@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import re
+import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from samples import uiprmd
 from kinemimic.evaluate.batch.batch import batch
 from kinemimic.evaluate.batch.row import motion_columns
 from kinemimic.evaluate.batch.sources import run_folders
+from kinemimic.evaluate.batch.state import BatchState
 from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.files.store import read_json
@@ -171,6 +173,49 @@ def test_run_folders_repeat_the_paths_and_leave_out_the_output(tmp_path: Path) -
     assert run_folders([folder], out) == expected
     assert run_folders([folder / "one", folder / "two" / "walk.skl"], out) == expected
     assert run_folders([folder / "two" / "walk.skl"], out) == {folder / "two/walk.skl": out / "walk.skl"}
+
+
+def test_run_folders_of_sources_with_parent_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a/f.skl", "w/b/g.skl", "w/b/out/g.skl/motion.json", "far/away/h.skl"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path / "w")
+    a, b, out = Path("../a"), Path("b"), Path("b/out")
+    assert run_folders([a, b], Path("out")) == {
+        a / "f.skl": Path("out/a/f.skl"),
+        b / "g.skl": Path("out/w/b/g.skl"),
+        b / "out/g.skl/motion.json": Path("out/w/b/out/g.skl/motion.json"),
+    }
+    assert run_folders([Path("../w/b")], out) == {Path("../w/b/g.skl"): out / "g.skl"}
+    assert run_folders([b], Path("../w/b/out")) == {b / "g.skl": Path("../w/b/out/g.skl")}
+    assert run_folders([Path("../w/b"), b], out) == {Path("../w/b/g.skl"): out / "g.skl"}
+    Path("link").symlink_to(tmp_path / "far" / "away")
+    assert run_folders([Path("link/../away")], out) == {Path("link/../away/h.skl"): out / "h.skl"}
+
+
+def test_a_capture_has_one_name_however_its_path_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a/f.bvh", "a/g.bvh"):
+        write_damaged(tmp_path / name)
+    (tmp_path / "w").mkdir()
+    monkeypatch.chdir(tmp_path / "w")
+    out = Path("out")
+
+    def names(*sources: Path) -> list[tuple[str, str]]:
+        batch(sources, out, executor=InProcess())
+        with BatchState(out) as state:
+            return [(name, str(capture)) for name, (capture, _) in state.rows().items()]
+
+    both = [(name, str(tmp_path / "a" / name)) for name in ("f.bvh", "g.bvh")]
+    assert names(Path("../a")) == names(tmp_path / "a") == both
+    with sqlite3.connect(out / "batch.sqlite") as rows:  # as earlier versions stored it
+        rows.execute(
+            "UPDATE captures SET capture = ? WHERE name = 'f.bvh'", (str(Path.cwd() / "../a/f.bvh"),)
+        )
+    assert [name for name, _ in names(tmp_path / "a")] == ["f.bvh", "g.bvh"]
+    (tmp_path / "a" / "f.bvh").unlink()
+    assert names(Path("../w/../a")) == both[1:]
 
 
 @pytest.mark.usefixtures("inline")

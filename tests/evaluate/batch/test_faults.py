@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,8 +16,20 @@ from peers.faults import FaultyProcesses
 from peers.killing import finish, kill_after, start
 from peers.recordings import write_walk
 
+from kinemimic.evaluate.batch import capture as capture_module
 from kinemimic.evaluate.batch.batch import batch
 from kinemimic.evaluate.batch.state import BatchState
+from kinemimic.pipeline.parallel.executor import InProcess
+from kinemimic.pipeline.parallel.task_pool import Failure
+
+HOLD = """
+import sys
+from pathlib import Path
+from kinemimic.pipeline.run_folder.lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -52,6 +68,51 @@ def test_a_capture_that_hangs_is_given_up(tmp_path: Path) -> None:
     write_walk(tmp_path / "hang_1.skl")
     (row,) = batch([tmp_path / "hang_1.skl"], tmp_path / "out", executor=FaultyProcesses(2.0))["captures"]
     assert (row["status"], row["reason"]) == ("failed", "timed out after 2 s")
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Another process holds a run folder."""
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        yield
+        other.kill()
+
+
+def test_a_run_folder_that_another_process_holds_stays_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capture_module, "_PATIENCE", 0.2)
+    capture, out = write_walk(tmp_path / "walk.skl"), tmp_path / "out"
+    batch([capture], out, executor=InProcess())
+    folder = out / "walk.skl"
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+
+    class Failing(InProcess):
+        def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+            return ((index, Failure("timed out after 1 s")) for index, _ in enumerate(tasks))
+
+    class Interrupted(InProcess):
+        def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+            next(tasks)
+            raise KeyboardInterrupt
+
+    with held(folder):
+        (row,) = batch([capture], out, executor=InProcess(), overwrite=True)["captures"]
+        assert (row["status"], row["reason"]) == (
+            "failed",
+            "its run folder is in use by another process; run the batch again when that has ended",
+        )
+        (row,) = batch([capture], out, executor=Failing(), overwrite=True)["captures"]
+        assert row["reason"] == "timed out after 1 s"
+        with pytest.raises(KeyboardInterrupt):
+            batch([capture], out, executor=Interrupted(), overwrite=True)
+        assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    (row,) = batch([capture], out, executor=Failing(), overwrite=True)["captures"]
+    assert not list(folder.iterdir())
+    assert batch([capture], out, executor=InProcess())["counts"]["accepted"] == 1
 
 
 def kill_and_compare(folder: Path, moments: int, captures: int) -> None:

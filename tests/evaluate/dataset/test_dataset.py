@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -183,6 +186,18 @@ def test_a_split_depends_on_the_person_alone() -> None:
         subject_pattern("(")
 
 
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_on_a_file_system_without_locks_every_capture_is_free(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "lockf", refuse)
+    capture = write_damaged(tmp_path / "x.bvh")
+    assert batch([capture], tmp_path / "out", executor=InProcess())["counts"]["refused"] == {"ingest": 1}
+
+
 def test_a_capture_that_is_gone_leaves_and_one_of_another_batch_stays(tmp_path: Path) -> None:
     for name in ("a/x.bvh", "a/y.bvh", "b/x.bvh"):
         write_damaged(tmp_path / name)
@@ -198,6 +213,29 @@ def test_a_capture_that_is_gone_leaves_and_one_of_another_batch_stays(tmp_path: 
     (tmp_path / "a" / "y.bvh").unlink()
     batch([tmp_path / "a"], out, executor=InProcess())
     assert sorted(names()) == ["a/x.bvh", "b/x.bvh"]
+
+
+def test_a_motion_that_another_batch_makes_again_is_left_out_until_then(tmp_path: Path) -> None:
+    first, second = (write_walk(tmp_path / name) for name in ("a_1.skl", "b_1.skl"))
+    out = tmp_path / "out"
+    motion = out / "a_1.skl" / "motion.json"
+
+    def names(*captures: Path) -> list[str]:
+        batch(captures, out, executor=InProcess())
+        return [*read_rows(out / "dataset")]
+
+    assert names(first, second) == ["a_1.skl", "b_1.skl"]
+    for frames, spoil in ((170, motion.unlink), (180, lambda: motion.write_text("{}"))):
+        write_walk(second, frames=frames)
+        spoil()
+        assert names(second) == ["b_1.skl"]
+        assert names(first, second) == ["a_1.skl", "b_1.skl"]
+    write_walk(second, frames=190)
+    motion.unlink()
+    assert names(second) == ["b_1.skl"]
+    # The row and the motion come back as they were.
+    batch([first], out, executor=InProcess(), dataset=False)
+    assert names(second) == ["a_1.skl", "b_1.skl"]
 
 
 def test_sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

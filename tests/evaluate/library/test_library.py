@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 
@@ -109,7 +110,18 @@ def test_the_command_prints_a_line_for_each_subject(recordings, tmp_path, inline
 )
 def test_a_wrong_option_writes_no_library(recordings, tmp_path, inline, capsys, options, message) -> None:
     assert message in _failure(capsys, recordings, "--out", tmp_path / "library", *options)
-    assert not (tmp_path / "library" / MANIFEST).exists()
+    assert not (tmp_path / "library").exists()  # no capture is processed
+
+
+def test_the_subject_of_a_compressed_capture_is_that_of_the_capture(tmp_path: Path, inline: None) -> None:
+    walk = write_walk(tmp_path / "ann.skl")
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "ann.skl.gz").write_bytes(gzip.compress(walk.read_bytes()))
+    (tmp_path / "in" / "notes.md").write_text("# Recorded in May\n")
+    manifest = library([tmp_path / "in"], tmp_path / "library", subject="ann$", jobs=1)
+    assert manifest["splits"]["train"]["subjects"] == ["ann"]
+    with pytest.raises(KinemimicError, match=r"subjects of the captures \(ann\), found 'notes'"):
+        library([tmp_path / "in"], tmp_path / "library", test=["notes"])
 
 
 def test_without_an_accepted_motion_there_is_no_library(tmp_path: Path, inline: None) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -19,11 +21,12 @@ from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow import packed_recipe
 from kinemimic.evaluate.workflow import reproduce as module
-from kinemimic.evaluate.workflow.packed_recipe import stage_options
+from kinemimic.evaluate.workflow.packed_recipe import TrainedRecipe, spread, stage_options
 from kinemimic.evaluate.workflow.reproduce import LARGEST, capture_of, command, publish, reproduce
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json
+from kinemimic.pipeline.parallel.packed_files import PackedFiles
 from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -190,6 +193,24 @@ def test_a_policy_that_fails_elsewhere_does_not_affect_the_others(
         "run: expected a motion, found none",
         f"slow: {shelf / 'slow'}",
     ]
+
+
+def test_a_run_folder_that_cannot_be_written_does_not_end_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class There:
+        shares_disk = False
+
+        def map(self, work: Any, tasks: Any) -> Any:
+            return ((index, TrainedRecipe({"a": b"x"}, None)) for index, _ in enumerate(tasks))
+
+    def full(folder: Path, files: PackedFiles, *, last: Any) -> None:
+        if folder.name == "walk":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "walk/a")
+
+    monkeypatch.setattr(packed_recipe, "write_files", full)
+    found = [*spread(There(), [WALK, RUN], [None, None], tmp_path, "native")]
+    assert found == [(WALK, "walk/a: no space left on device"), (RUN, None)]
 
 
 @pytest.mark.slow

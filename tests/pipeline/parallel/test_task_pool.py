@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import multiprocessing
 import os
@@ -11,7 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.parallel.task_pool import Failure, isolated_map, parallel_map
+from kinemimic.pipeline.parallel.task_pool import Failure, guarded, isolated_map, parallel_map
 
 
 def test_results_come_in_the_order_of_the_tasks() -> None:
@@ -53,6 +54,16 @@ def test_a_death_costs_one_isolated_task() -> None:
     assert reasons[2] == "its process was ended by SIGABRT"
     assert reasons[4] == "a bug in kinemimic, please report it: ZeroDivisionError: division by zero"
     assert reasons[5] == "it takes more than 4 GiB of memory"
+
+
+def test_an_expected_error_of_a_task_is_its_reason_and_no_bug() -> None:
+    def failing(error: Exception) -> None:
+        raise error
+
+    assert guarded(failing, None, KinemimicError("expected X,\nfound Y")) == Failure("expected X, found Y")
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/a")
+    assert guarded(failing, None, full) == Failure("out/a: no space left on device")
+    assert "a bug in kinemimic" in guarded(failing, None, ValueError("x")).reason
 
 
 def test_an_isolated_task_that_hangs_is_given_up() -> None:

@@ -1,0 +1,27 @@
+"""Expected errors as one line."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError, one_line
+
+FULL = os.strerror(errno.ENOSPC)
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (KinemimicError("a file: expected X,\nfound Y"), "a file: expected X, found Y"),
+        (OSError(errno.ENOSPC, FULL, "out/clip.parquet"), "out/clip.parquet: no space left on device"),
+        (OSError(errno.ENOSPC, FULL, b"out"), "out: no space left on device"),
+        (OSError(errno.ENOSPC, FULL), "no space left on device"),
+        (OSError("Could not write"), "could not write"),
+        (TimeoutError(), "timeouterror"),
+    ],
+)
+def test_an_error_is_one_line(error: Exception, text: str) -> None:
+    assert one_line(error) == text
