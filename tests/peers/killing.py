@@ -21,10 +21,10 @@ PROGRAM = """
 import sys
 from dataclasses import replace
 from kinemimic.pipeline.cli.main import main
-from kinemimic.train.config import config
+from kinemimic.train.config import presets
 from kinemimic.train.rollout import evaluation as trial
 small = dict(num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
-config.PRESETS["default"] = replace(config.PRESETS["default"], **small)
+presets.PRESETS["default"] = replace(presets.PRESETS["default"], **small)
 trial.EVALUATION_INTERVAL, trial.CYCLIC_FRAMES = 256, 60
 from kinemimic.train.runner import training_loop as rounds
 rounds.CHECKPOINT_SECONDS = 0.0

@@ -272,8 +272,8 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     """The command line itself, its cells in processes of their own, interrupted amid a training."""
     run, out = fresh("walk"), tmp_path / "out"
     program = (
-        "import sys; from dataclasses import replace; from kinemimic.train.config import config\n"
-        "config.PRESETS['default'] = replace(config.PRESETS['default'], num_envs=4, horizon=16, "
+        "import sys; from dataclasses import replace; from kinemimic.train.config import presets\n"
+        "presets.PRESETS['default'] = replace(presets.PRESETS['default'], num_envs=4, horizon=16, "
         "minibatch=32, epochs=2, hidden=(32, 16))\n"
         "if __name__ == '__main__':\n"
         "    from kinemimic.pipeline.cli.main import main\n"
