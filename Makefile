@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-truth sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -213,6 +213,9 @@ bench-simulate: setup ## Measure the page of simulate in real time, with a brows
 
 bench-stream: setup ## Compare ten live captures with the offline path (KINEMIMIC_CAPTURES= is their folder)
 	$(BIN)/python tests/bench/bench_stream.py
+
+hip-gap: setup ## Train with one factor of body, world or task changed at a time, for the gap at the hip (hours): SEEDS=
+	$(BIN)/python tests/bench/hip_gap.py datasets/policies/walk/motion.json runs/hip-gap $(if $(SEEDS),--seeds "$(SEEDS)")
 
 # The folder of UI-PRMD is in KINEMIMIC_CAPTURES=, as for the tests (docs/contributing.md).
 sensor-accuracy: setup ## Compare a Kinect's knee and hip with a Vicon's, before and after cleaning

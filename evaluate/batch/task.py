@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -97,13 +96,7 @@ def resumable(task: Task, kept: Kept) -> bool:
 
 def _wanted(task: Task) -> dict[str, Any]:
     config = {stage: dict(options) for stage, options in task.options.items()}
-    return {"schema": MADE_SCHEMA, "config": config, "version": _version()}
-
-
-@cache
-def _version() -> str | None:
-    """The installed version, read once: that takes longer than to look at a capture's files."""
-    return versions().get("kinemimic")
+    return {"schema": MADE_SCHEMA, "config": config, "version": versions().get("kinemimic")}
 
 
 def _mark(path: Path) -> Mark:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from kinemimic.evaluate.batch.state import BatchState, Kept
@@ -33,6 +34,8 @@ class BatchWork:
                 self.waiting.append(task)
             else:
                 self.rows[task.name] = row
+        # The largest first, so that no core waits at the end for one long capture.
+        self.waiting.sort(key=lambda task: _size(task.capture), reverse=True)
 
     def carry_out(self, executor: Executor, advance: Callable[[Task], object]) -> None:
         """Carry out what is waiting; advance: called for each task that is finished."""
@@ -119,6 +122,15 @@ def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], An
     from kinemimic.evaluate.batch.packed_capture import pack, process_packed  # noqa: PLC0415
 
     return (process, lambda task: task) if executor.shares_disk else (process_packed, pack)
+
+
+def _size(capture: Path) -> int:
+    """Bytes of a file, or of the files in a folder; 0 if it cannot be read, which its own stages report."""
+    try:
+        files = [*capture.iterdir()] if capture.is_dir() else [capture]
+        return sum(file.stat().st_size for file in files)
+    except OSError:
+        return 0
 
 
 def _resumed(task: Task, resume: bool) -> Task:

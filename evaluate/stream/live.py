@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import queue
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -81,10 +80,8 @@ def stream(
     engine: str,
     page: Shown | None = None,
     clock: Clock | None = None,
-    choose: Callable[[str, str, float], Performed] | None = None,
     policy: str = "",
     steps: int | None = None,
-    restart: bool = True,
     record: bool = True,
 ) -> dict[str, Any]:
     """Follow a source until it ends, for `steps` control steps, or until Ctrl-C; returns the summary.
@@ -98,7 +95,7 @@ def stream(
     sessions: list[LiveSession] = []
 
     def opened(performed: Performed) -> LiveSession:
-        sessions.append(begin_live_session(performed.run, engine, settings, restart=restart, named=scenario))
+        sessions.append(begin_live_session(performed.run, engine, settings, named=scenario))
         return sessions[-1]
 
     def only(*_: Any) -> Performed:
@@ -106,7 +103,7 @@ def stream(
 
     loop = Loop(
         Performed(run, policy or run.name, SOURCE), watched, clock, engine=engine, open_session=opened,
-        choose=choose or only, recordings=run, frames=source.poll, waits=source.waits,
+        choose=only, recordings=run, frames=source.poll, waits=source.waits,
     )  # fmt: skip
     if record:
         loop.record()

@@ -70,10 +70,16 @@ def conjugate(q: Array) -> Array:
 
 def rotate(q: Array, v: Array) -> Array:
     """Vectors v (..., 3) turned by q (..., 4)."""
-    q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
-    xyz, w = q[..., :3], q[..., 3:]
-    t = 2.0 * np.cross(xyz, v)
-    turned: Array = v + w * t + np.cross(xyz, t)
+    x, y, z, w = _components(np.asarray(q, dtype=np.float64))
+    v = np.asarray(v, dtype=np.float64)
+    a, b, c = v[..., 0], v[..., 1], v[..., 2]
+    # np.cross takes three times as long for a few hundred rows.
+    ta, tb, tc = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    first = a + w * ta + (y * tc - z * tb)
+    turned = np.empty((*first.shape, 3))
+    turned[..., 0] = first
+    turned[..., 1] = b + w * tb + (z * ta - x * tc)
+    turned[..., 2] = c + w * tc + (x * tb - y * ta)
     return turned
 
 

@@ -136,12 +136,11 @@ def recordings(folder: Path, most: int, place: Path) -> None:
 
 
 def _made(task: tuple[int, Path]) -> None:
-    """A capture of the virtual Kinect; the same walk as Euler angles is left out."""
+    """A capture of the virtual Kinect, as its recorder writes it; without its truth."""
     seed, place = task
     made = place / f"made{seed}"
     record_virtual(made, seed=seed)
-    for file in made.glob("kinect_walk.*"):
-        file.replace(place / "in" / f"p{seed:05d}_{file.name.removeprefix('kinect_')}")
+    (made / "kinect_walk.skl").replace(place / "in" / f"p{seed:05d}_walk.skl")
     shutil.rmtree(made)
 
 
@@ -161,11 +160,12 @@ def synthetic(count: int, place: Path) -> None:
 
     batch([place / "in"], place / "out", executor=Watched(len(os.sched_getaffinity(0)), 300.0, 4 << 30))
     tenth = max(1, len(times) // 10)
-    print(f"{len(times)} synthetic files, {time.perf_counter() - begin:.1f} s")
+    accepted = read_json(place / "out" / "batch.json")["counts"]["accepted"]
+    print(f"{len(times)} synthetic captures, {accepted} accepted, {time.perf_counter() - begin:.1f} s")
     for title, part in (("first", slice(0, tenth)), ("last", slice(-tenth, None))):
         span, size = times[part], sizes[part]
         rate = (len(span) - 1) / (span[-1] - span[0]) if len(span) > 1 else float("nan")
-        print(f"  {title:5} tenth  {rate:6.2f} files/s, {max(size) / 2**20:6.0f} MiB")
+        print(f"  {title:5} tenth  {rate:6.2f} captures/s, {max(size) / 2**20:6.0f} MiB")
 
 
 def main() -> None:

@@ -29,6 +29,7 @@ struct WorldSettings {
     btScalar gravity;   // m/s^2, downwards
     btScalar friction;  // default, between a figure and everything it touches
     int iterations;     // of the contact solver
+    btScalar contact_erp; // share of a penetration that one step corrects
     btScalar fastest;      // m/s: a faster body has exploded
     btScalar free_speed;   // rad/s, m/s: Bullet's own limit of the coordinates' speeds
     btScalar largest_turn; // rad: a step in which a joint would turn further is divided ...

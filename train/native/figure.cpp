@@ -6,7 +6,6 @@
 namespace {
 
 // The same values as in the pybullet wheel, so that the two engines agree.
-const btScalar contact_erp = btScalar(0.08);
 const btScalar friction_erp = btScalar(0.2);
 const btScalar slop = btScalar(1e-5);
 const btScalar warm_starting = btScalar(0.1);
@@ -69,7 +68,7 @@ btDefaultCollisionConstructionInfo Figure::small_pools() {
 void Figure::build() {
     btContactSolverInfo& info = m_world.getSolverInfo();
     info.m_numIterations = m_settings.iterations;
-    info.m_erp2 = contact_erp;
+    info.m_erp2 = m_settings.contact_erp;
     info.m_frictionERP = friction_erp;
     info.m_linearSlop = slop;
     info.m_warmstartingFactor = warm_starting;

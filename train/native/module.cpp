@@ -78,13 +78,13 @@ std::unique_ptr<Batch> make(int size, const Integers& parents, const Integers& s
                             const Floats& masses, const Floats& inertias, const Floats& control_inertias,
                             const Floats& centers, const Floats& joints, const Floats& stiffness,
                             const Floats& damping, const Floats& torque_limits, double time_step, double gravity,
-                            double friction, int iterations, double fastest, double free_speed,
+                            double friction, int iterations, double contact_erp, double fastest, double free_speed,
                             double largest_turn, int most_parts, int threads, bool fixed_root) {
     if (size < 1 || threads < 1 || iterations < 1 || most_parts < 1 || !(time_step > 0) || !(largest_turn > 0)) {
         throw std::invalid_argument("expected size, threads, iterations, most_parts, time_step, largest_turn above 0");
     }
-    const WorldSettings settings{btScalar(time_step), btScalar(gravity), btScalar(friction), iterations, btScalar(fastest), btScalar(free_speed),
-                                 btScalar(largest_turn), most_parts, fixed_root};
+    const WorldSettings settings{btScalar(time_step), btScalar(gravity), btScalar(friction), iterations, btScalar(contact_erp),
+                                 btScalar(fastest), btScalar(free_speed), btScalar(largest_turn), most_parts, fixed_root};
     return std::make_unique<Batch>(size,
                                    description(parents, shapes, sizes, masses, inertias, control_inertias, centers,
                                                joints, stiffness, damping, torque_limits),
@@ -193,13 +193,13 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 PYBIND11_MODULE(kinemimic_native, m) {
     m.doc() = "Batches of humanoids on Bullet's own C++, with stable PD in the loop.";
     // Increased whenever arguments or results change; train/sim/engines.py accepts only this number.
-    m.attr("interface") = 3;
+    m.attr("interface") = 4;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);
     py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/sim/native_world.py.")
         .def(py::init(&make), py::kw_only(), py::arg("size"), py::arg("parents"), py::arg("shapes"), py::arg("sizes"),
              py::arg("masses"), py::arg("inertias"), py::arg("control_inertias"), py::arg("centers"),
              py::arg("joints"), py::arg("stiffness"), py::arg("damping"), py::arg("torque_limits"),
-             py::arg("time_step"), py::arg("gravity"), py::arg("friction"), py::arg("iterations"), py::arg("fastest"),
+             py::arg("time_step"), py::arg("gravity"), py::arg("friction"), py::arg("iterations"), py::arg("contact_erp"), py::arg("fastest"),
              py::arg("free_speed"), py::arg("largest_turn"), py::arg("most_parts"), py::arg("threads"), py::arg("fixed_root") = false)
         .def("vary", &vary, py::arg("indices"), py::arg("friction"), py::arg("mass"))
         .def("reset", &reset, py::arg("indices"), py::arg("root"), py::arg("rotation"), py::arg("linear"),

@@ -15,6 +15,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.formats.urdf import SMALL_INERTIA, SMALL_MASS
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_PARENTS, Body, node_offsets
 from kinemimic.train.sim.world import (
+    CONTACT_ERP,
     FRICTION,
     GRAVITY,
     MAX_PARTS,
@@ -35,6 +36,7 @@ SETTINGS: dict[str, Any] = {
     "gravity": GRAVITY,
     "friction": FRICTION,
     "iterations": SOLVER_ITERATIONS,
+    "contact_erp": CONTACT_ERP,
     "fastest": MAX_SPEED,
     "free_speed": SPEED_LIMIT,
     "largest_turn": MAX_TURN,

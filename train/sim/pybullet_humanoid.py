@@ -6,7 +6,7 @@ from pathlib import Path
 
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.sim.pybullet_client import bullet
-from kinemimic.train.sim.world import GRAVITY, SOLVER_ITERATIONS, SPEED_LIMIT, TIME_STEP
+from kinemimic.train.sim.world import CONTACT_ERP, GRAVITY, SOLVER_ITERATIONS, SPEED_LIMIT, TIME_STEP
 
 LINKS = list(range(len(BODIES)))  # link k is BODIES[k]
 JOINT_LINKS = LINKS[1:]
@@ -26,6 +26,7 @@ def build_humanoid(urdf: Path, *, measure: bool) -> tuple[int, int]:
         fixedTimeStep=TIME_STEP,
         numSolverIterations=SOLVER_ITERATIONS,
         numSubSteps=1,
+        contactERP=CONTACT_ERP,
         physicsClientId=client,
     )
     bullet.setGravity(0, -GRAVITY, 0, physicsClientId=client)

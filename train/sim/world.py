@@ -20,6 +20,7 @@ TIME_STEP = 1.0 / (CONTROL_RATE * SUBSTEPS)
 GRAVITY = 9.81
 FRICTION = 0.9
 SOLVER_ITERATIONS = 10
+CONTACT_ERP = 0.08  # share of a penetration that one step corrects: pybullet's own
 # Where joints turn fast (a hand that hits the ground reaches 70 rad/s in one step), a step is divided:
 # explicit integration of the whole step would add energy. Bullet's own remedy, clipping speeds, flings a
 # humanoid away.

@@ -141,6 +141,22 @@ def test_a_crash_costs_one_row(tmp_path: Path) -> None:
     assert rows["b.skl"]["status"] == "accepted"
 
 
+def test_the_largest_captures_begin_first(tmp_path: Path) -> None:
+    frames = {"a.skl": 40, "b.skl": 80, "c.skl": 60}
+    captures = [write_walk(tmp_path / name, frames=count) for name, count in frames.items()]
+    begun: list[str] = []
+
+    class Watched(InProcess):
+        def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+            for number, task in enumerate(tasks):
+                begun.append(task.capture.name)
+                yield number, Failure("not carried out")
+
+    result = batch(captures, tmp_path / "out", executor=Watched())
+    assert begun == ["b.skl", "c.skl", "a.skl"]
+    assert list(by_name(result)) == ["a.skl", "b.skl", "c.skl"]
+
+
 def test_an_interrupted_batch_keeps_its_rows(tmp_path: Path) -> None:
     first, second = (write_walk(tmp_path / name) for name in ("a.skl", "b.skl"))
     out = tmp_path / "out"

@@ -29,6 +29,7 @@ class Batch:
         gravity: float,
         friction: float,
         iterations: int,
+        contact_erp: float,
         fastest: float,
         free_speed: float,
         largest_turn: float,
