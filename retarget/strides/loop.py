@@ -249,9 +249,11 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     Each pass has its own straight line: it starts elsewhere, and a sensor's floor is never quite level. Lines
     and the common series are fitted alternately, because a pass is not a whole number of strides.
     """
-    center = np.nanmean(strides.positions[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]], axis=1)
+    hips = strides.positions[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]]
+    seen = np.isfinite(hips).all(axis=-1)
+    center = np.where(seen[..., None], hips, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None]
     weights = strides.weights[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]].min(axis=1)
-    weights = np.where(np.isfinite(center).all(axis=-1), weights, 0.0)
+    weights = np.where(seen.any(axis=1), weights, 0.0)
     center = np.where(weights[:, None] > 0, center, 0.0)
     _, group = np.unique(strides.group, return_inverse=True)
 

@@ -10,7 +10,7 @@ from samples.bouts import bouts_of
 
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.strides.loop import mean_rotation, pool_strides, robust_fit, with_mirror
+from kinemimic.retarget.strides.loop import fit_root, mean_rotation, pool_strides, robust_fit, with_mirror
 
 
 def test_a_tracked_joint_counts_fully_an_inferred_one_by_0_3_and_a_missing_one_not(walker):
@@ -77,3 +77,16 @@ def test_a_bout_of_two_strides_and_several_bouts_count_fully(walker):
     for clip in (walker(passes=1, seconds=2.6).clip, walker(passes=2, seconds=1.4).clip):
         strides = pool_strides(clip, bouts_of(clip))
         assert strides.weights[:, N["spine"]].min() > 0.9
+
+
+def test_frames_without_hips_do_not_count_for_the_root(walker):
+    strides = pool_strides(clip := walker(passes=2, seconds=2.6).clip, bouts_of(clip))
+    hips = [N["hip_left"], N["hip_right"]]
+    lost = np.arange(10, 16)
+    positions, weights = strides.positions.copy(), strides.weights.copy()
+    positions[lost[:, None], hips], weights[lost[:, None], hips] = np.nan, 0.0
+    positions[20, hips[0]], weights[20, hips[0]] = np.nan, 0.0
+    series, speed = fit_root(replace(strides, positions=positions, weights=weights), 4)
+    whole, whole_speed = fit_root(strides, 4)
+    assert speed == pytest.approx(whole_speed, rel=0.02)
+    assert np.abs(series - whole).max() < 0.01
