@@ -12,7 +12,6 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -24,10 +23,10 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
 from kinemimic.pipeline.readers.mocap.c3d_points import read_points
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
-from kinemimic.pipeline.readers.optical.marker_names import landmarks
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
+from kinemimic.pipeline.readers.optical.marker_names import joint_centres, landmarks
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
-from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers, require_legs
 
 FORMAT = Format(
     name="C3D",
@@ -65,14 +64,16 @@ def read(source: Source) -> Clip:
     labels = marker_set(source).renamed(labels, source)
     unread = unread_frames(source, len(points))
     is_kinect = all(label in labels for label in NODE_OF_LABEL)
+    if not is_kinect:
+        require_legs(labels, points, source)  # while unknown labels are still there to be named
     selected_labels = tuple(NODE_OF_LABEL) if is_kinect else _body_labels(labels)
     selected_points = points[:, [labels.index(label) for label in selected_labels]]
-    unit, rule = _unit(content.units.lower(), selected_points, source)
+    unit, rule = _unit(content.units, selected_points, source)
     selected_points = selected_points * UNITS[unit]
     wrong: list[Defect] = []
     if source.unit is None:
         selected_points, wrong = in_metres(selected_labels, selected_points)
-        _refuse_remote(selected_points, selected_labels, source)
+    _refuse_remote(selected_points, selected_labels, source)
     up = content.up.upper().removeprefix("+")
     facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not stated"}
     if is_kinect:
@@ -128,9 +129,9 @@ def unread_frames(source: Source, read: int) -> list[Defect]:
 def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
     """The labels of joints and known markers; files store angles, forces and moments as points too."""
     known = {k for markers in landmarks(labels).values() for k in markers} | set(
-        joints_by_name(labels).values()
+        joint_centres(labels).values()
     )
-    return tuple(labels[k] for k in sorted(known)) or labels
+    return tuple(labels[k] for k in sorted(known))
 
 
 def _refuse_remote(places: Array, labels: tuple[str, ...], source: Source) -> None:
@@ -149,8 +150,8 @@ def _unit(declared: str, points: Array, source: Source) -> tuple[str, str]:
     """The unit of length, and how it is known; points: (T, N, 3) in that unit."""
     if source.unit is not None:
         return source.unit, SET_BY_USER
-    if declared in DECLARED:
-        return declared, "the file's"
+    if (named := unit_named(declared)) is not None:
+        return named, "the file's"
     spans = np.linalg.norm(_extent(points), axis=-1)
     spans = spans[np.isfinite(spans) & (spans > 0)]
     span = float(np.median(spans)) if len(spans) else 0.0

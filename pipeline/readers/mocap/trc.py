@@ -1,9 +1,9 @@
-"""OpenSim's marker files (.trc): a header of five or six lines, then TAB-separated frames.
+"""OpenSim's marker files (.trc): a header of five or six lines, then frames, separated by TABs or by spaces.
 
 Line 1 is PathFileType, lines 2 and 3 are names and values (DataRate, NumFrames, Units …), line 4 is Frame#,
 Time and the markers' names, each above three columns, line 5 is X1 Y1 Z1 …, often followed by a blank line.
-The cells of a marker that was not seen are empty or zero. Y is up, X forward and Z to the right, OpenSim's
-axes.
+The cells of a marker that was not seen are empty, NaN or zero. Y is up, X forward and Z to the right,
+OpenSim's axes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 
@@ -35,7 +35,6 @@ FORMAT = Format(
     recognised_by="the word PathFileType and a line that begins with Frame# and Time",
     width_in_header=True,
 )
-DECLARED: tuple[str, ...] = ("mm", "cm", "m")
 # From X forward, Y up, Z right to X forward, Y left, Z up.
 WORLD_FROM_FILE: Array = from_axis_angle("X", np.pi / 2.0)
 # The Time column usually has three digits, 0.017 for 1/60. If it agrees with the declared rate to this
@@ -57,12 +56,15 @@ def read(source: Source) -> Clip:
     names_line = _names(source.lines[:16])
     if names_line is None:
         raise source.error(expected="a line that begins with Frame# and Time", found="none in the first 16")
+    if "\t" not in source.lines[names_line]:
+        source = _with_tabs(source)
     declared = _declared(source, names_line)
-    units = source.unit or declared.get("units", "").lower()
-    if source.unit is None and units not in DECLARED:
+    stated_units = declared.get("units", "")
+    units = source.unit or unit_named(stated_units)
+    if units is None:
         raise source.error(
-            expected=f"Units of {', '.join(DECLARED)} in the header",
-            found=repr(units[:20]) if units else "none",
+            expected="Units of mm, cm, m in the header",
+            found=repr(stated_units[:20]) if stated_units else "none",
             advice="set the unit with --unit",
         )
     # Below the names is X1 Y1 Z1 …; in a file without that line, the first frame is there.
@@ -108,10 +110,15 @@ def read(source: Source) -> Clip:
 
 def _names(lines: Sequence[str]) -> int | None:
     """Index of the line with the markers' names."""
-    starts = (line.split("\t")[:2] for line in lines)
-    return next(
-        (k for k, start in enumerate(starts) if [f.strip() for f in start] == ["Frame#", "Time"]), None
-    )
+    return next((k for k, line in enumerate(lines) if line.split()[:2] == ["Frame#", "Time"]), None)
+
+
+def _with_tabs(source: Source) -> Source:
+    """The file with a TAB for any white space: names of markers have no spaces, and no cell is empty."""
+    content = "\n".join("\t".join(line.split()) for line in source.lines)
+    tabbed = Source(source.path, content.encode(), source.sha256, source.unit)
+    tabbed.sidecar_files = source.sidecar_files
+    return tabbed
 
 
 def _declared(source: Source, names_line: int) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Check the unit that a file of markers declares against the size of the body.
+"""The unit that a file of markers declares, by any of its spellings, checked against the size of the body.
 
 Joint centres are computed with lengths in metres (half a knee, the radius of a marker). From markers in a
 wrong unit they form no body, and no later check could tell why. So the markers themselves are checked.
@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, unit_correction
-from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
+from kinemimic.pipeline.readers.optical.marker_names import SIDES, joint_centres, landmarks
 
 # Length of the path from ASIS over the lateral knee to the ankle, over thigh plus shank.
 _SKIN_PATH = 1.1
@@ -20,6 +19,18 @@ _SKIN_PATH = 1.1
 _TOLERANCE = 1.5
 # Number of frames, spread over the recording, that suffice for a median.
 _SAMPLED_FRAMES = 500
+# Key of UNITS -> its words in headers, in the singular.
+_WORDS: dict[str, tuple[str, ...]] = {
+    "mm": ("mm", "millimeter", "millimetre"),
+    "cm": ("cm", "centimeter", "centimetre"),
+    "m": ("m", "meter", "metre"),
+}
+
+
+def unit_named(word: str) -> str | None:
+    """The unit (a key of UNITS) that a header names "mm", "Meters", "metre" …; None if unknown."""
+    singular = word.strip().lower().removesuffix("s")
+    return next((unit for unit, words in _WORDS.items() if singular in words), None)
 
 
 def in_metres(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defect]]:
@@ -54,7 +65,7 @@ def _leg(labels: tuple[str, ...], points: Array) -> float:
 def _chain(labels: tuple[str, ...], side: str) -> tuple[list[tuple[int, ...]], bool]:
     """The points at hip, knee and ankle of a side ([] if unknown), and whether they are markers on
     the skin."""
-    joints, marked = joints_by_name(labels), landmarks(labels)
+    joints, marked = joint_centres(labels), landmarks(labels)
     nodes = [f"{joint}_{side}" for joint in ("hip", "knee", "ankle")]
     if joints.keys() >= set(nodes):
         return [(joints[node],) for node in nodes], False

@@ -1,21 +1,25 @@
-"""Landmarks of optical markers, from the labels that marker sets give them."""
+"""Landmarks of optical markers and named joint centres, from the labels that laboratories give them."""
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 
-from kinemimic.pipeline.kinematics.nodes import normalised
+from kinemimic.pipeline.kinematics.nodes import joints_by_name, normalised
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
 # Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi
 # or leftasi. Of each landmark's tuples, the first with any label in the file counts (for a cluster: with all
 # labels); all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354,
 # Hamner, Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); the Rizzoli institute's
-# (IOR; Leardini et al. 2007, Gait & Posture 26, 560-571); and plain words.
+# (IOR; Leardini et al. 2007, Gait & Posture 26, 560-571); the anatomical names (IAS,
+# FLE, FAL …) of van Sint Jan 2007, Color Atlas of Skeletal Landmark Definitions, as in Visual3D, Qualisys and
+# Motive; Motive's Baseline and Qualisys' sports set (WaistLFront, LKneeOut …); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
-    "asis": (("*asi",), ("*asis",), ("asis*",)),
-    "psis": (("*psi",), ("*psis",), ("psis*",)),
+    "asis": (("*asi",), ("*asis",), ("asis*",), ("*ias",), ("waist*front",)),
+    "psis": (("*psi",), ("*psis",), ("psis*",), ("*ips",), ("waist*back",)),
     "knee_lateral": (
         ("*kneelat",),
         ("*kneelateral",),
@@ -24,6 +28,8 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lepi",),
         ("*lkn",),
         ("*le",),
+        ("*fle",),
+        ("*kneeout",),
         ("*knee",),
     ),
     "knee_medial": (
@@ -35,6 +41,8 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*mepi",),
         ("*mkn",),
         ("*me",),
+        ("*fme",),
+        ("*kneein",),
         ("*mknee",),
     ),
     "ankle_lateral": (
@@ -44,6 +52,8 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lmal",),
         ("*lak",),
         ("*lm",),
+        ("*fal",),
+        ("*ankleout",),
         ("*ankle",),
     ),
     "ankle_medial": (
@@ -54,15 +64,41 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*mmal",),
         ("*mak",),
         ("*mm",),
+        ("*tam",),
+        ("*anklein",),
         ("*mankle",),
     ),
-    "toes": (("*toetip",), ("*toe",), ("*mt2",), ("*mt1", "*mt5"), ("*fm", "*vm"), ("*toelat", "*toemed")),
-    "acromion": (("*acromium",), ("*acromion",), ("*sho",), ("*acr",), ("*shoulder",), ("*shl",), ("*sh",)),
+    "toes": (
+        ("*toetip",),
+        ("*toe",),
+        ("*mt2",),
+        ("*mt1", "*mt5"),
+        ("*fm", "*vm"),
+        ("*toelat", "*toemed"),
+        ("*fm2",),
+        ("*fm1", "*fm5"),
+        ("*toeout", "*toein"),
+        ("*forefootout", "*forefootin"),
+    ),
+    "acromion": (
+        ("*acromium",),
+        ("*acromion",),
+        ("*sho",),
+        ("*acr",),
+        ("*shoulder",),
+        ("*shl",),
+        ("*sh",),
+        ("*sae",),
+        ("*caj",),
+        ("*shouldertop",),
+    ),
     "elbow": (
         ("*elb", "*elbm"),
         ("*elbowlat", "*elbowmed"),
         ("*lel", "*mel"),
         ("*lelbow", "*melbow"),
+        ("*hle", "*hme"),
+        ("*elbowout", "*elbowin"),
         ("*elbow",),
     ),
     "wrist": (
@@ -71,16 +107,24 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lwrist", "*mwrist"),
         ("*faradius", "*faulna"),
         ("*rad", "*uln"),
+        ("*rsp", "*usp"),
+        ("*wristout", "*wristin"),
         ("*wrist",),
         ("*wr",),
     ),
-    "hand": (("*fin",), ("*hand",)),
+    "hand": (("*fin",), ("*hand",), ("*hm2",), ("*handout",)),
 }
 _MIDDLE: dict[str, tuple[tuple[str, ...], ...]] = {
-    "sacrum": (("vsacral",), ("sacr",), ("sacrum",), ("sacral",)),
-    "neck_back": (("c7",),),
-    "neck_front": (("clav",),),
-    "head": (("lfhd", "rfhd", "lbhd", "rbhd"), ("ltemple", "rtemple"), ("tophead",)),
+    "sacrum": (("vsacral",), ("sacr",), ("sacrum",), ("sacral",), ("waistback",)),
+    "neck_back": (("c7",), ("cv7",)),
+    "neck_front": (("clav",), ("sjn",)),
+    "head": (
+        ("lfhd", "rfhd", "lbhd", "rbhd"),
+        ("ltemple", "rtemple"),
+        ("headl", "headr"),
+        ("tophead",),
+        ("headtop",),
+    ),
 }
 # Clusters of three markers on a segment without markers at its joints.
 _CLUSTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -99,16 +143,22 @@ _CLUSTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "foot": (("*heel", "*midfootsup", "*midfootlat"), ("*heel", "*mfs", "*mfl")),
 }
 SIDES: tuple[str, ...] = ("left", "right")
+# Centres that a laboratory's model computed: LHJC, "Right KJC".
+_JOINT_CENTRE = re.compile(r"([lr])(?:eft|ight)?([hkasew])jc(?:study)?")
+_JOINT_OF_LETTER = {"h": "hip", "k": "knee", "a": "ankle", "s": "shoulder", "e": "elbow", "w": "wrist"}
+_FIRST_WORD = re.compile(r"([^_.\s-]*)[_.\s-]+(.*[A-Za-z].*)")
+# A word before fewer labels is no subject's name: Top.Head alone says nothing about "Top".
+_FEWEST_OF_SUBJECT = 4
 
 
 def landmarks(labels: Sequence[str]) -> dict[str, tuple[int, ...]]:
     """Landmark -> indices of its markers: "asis_left", "sacrum", "thigh_right" (a cluster, exactly three) …
 
-    A subject's name before a colon ("Jim:LASI"), case and punctuation are ignored; of a repeated label the
-    first counts; unknown labels are ignored.
+    A subject's name (`without_subject`), case and punctuation are ignored; of a repeated label the first
+    counts; unknown labels are ignored.
     """
     index: dict[str, int] = {}
-    for marker, label in enumerate(labels):
+    for marker, label in enumerate(without_subject(labels)):
         index.setdefault(normalised(label).removesuffix("study"), marker)
     index.pop("", None)
     found: dict[str, tuple[int, ...]] = {}
@@ -125,6 +175,34 @@ def landmarks(labels: Sequence[str]) -> dict[str, tuple[int, ...]]:
                 ]
                 _add_first_match(found, f"{landmark}_{side}", spellings_of_sets, index, complete=complete)
     return found
+
+
+def joint_centres(labels: Sequence[str]) -> dict[str, int]:
+    """Node -> index of the point that is named as this joint's centre: "LKJC", "Left Knee", "knee_left" …"""
+    return joints_by_name(tuple(_joint_name(label) for label in without_subject(labels)))
+
+
+def _joint_name(label: str) -> str:
+    found = _JOINT_CENTRE.fullmatch(normalised(label))
+    return f"{_JOINT_OF_LETTER[found[2]]} {'left' if found[1] == 'l' else 'right'}" if found else label
+
+
+def without_subject(labels: Sequence[str]) -> tuple[str, ...]:
+    """The labels without a subject's name, before a colon ("Jim:LASI") or as first word of most ("Jim_LASI").
+
+    A side ("L_IAS") is no name.
+    """
+    bare = tuple(label.rsplit(":", 1)[-1].strip() for label in labels)
+    while True:
+        parts = [_FIRST_WORD.fullmatch(label) for label in bare]
+        words = Counter(part[1].lower() for part in parts if part)
+        word, count = max(words.items(), key=lambda item: item[1], default=("", 0))
+        if count < max(_FEWEST_OF_SUBJECT, len(bare) // 2 + 1) or word in ("l", "r", *SIDES):
+            return bare
+        bare = tuple(
+            part[2] if part and part[1].lower() == word else label
+            for part, label in zip(parts, bare, strict=True)
+        )
 
 
 def _add_first_match(

@@ -119,6 +119,33 @@ def test_unreadable_files_are_reported() -> None:
         read(written(["A", "B"], points[:, :2], rate=RATE, units="m"))
 
 
+def test_the_refusal_lists_the_labels_of_the_file() -> None:
+    places = markers(in_sight(walk(30, RATE)))
+    labels = [label.replace("Knee", "Pocket") for label in places]
+    points = np.stack(list(places.values()), axis=1)
+    with pytest.raises(CaptureError, match=r"found none for left knee .* among .*L\.Pocket\.Lat"):
+        read(written(labels, points, rate=RATE, units="m"))
+
+
+def test_computed_joint_centres_are_the_legs() -> None:
+    """With the markers of the pelvis, or alone."""
+    shown = in_sight(walk(30, RATE))
+    places = {
+        f"Jim_{side[0].upper()}{joint[0].upper()}JC": shown.joints[:, NODE_INDEX[f"{joint}_{side}"]]
+        for side in ("left", "right")
+        for joint in ("hip", "knee", "ankle", "shoulder")
+    }
+    for more in ({}, {f"Jim_{label}": at for label, at in markers(shown).items() if "Knee" not in label}):
+        labelled = {**places, **more}
+        points = np.stack(list(labelled.values()), axis=1)
+        clip = read(written(list(labelled), points, rate=RATE, units="Meters"))
+        assert clip.provenance["reading"]["units"] == "m"
+        assert ("spine" in clip.skeleton.names) == bool(more)
+        positions, _ = to_nodes(clip)
+        for node in ("hip_left", "knee_right", "ankle_left", "shoulder_right"):
+            assert np.abs(positions[:, NODE_INDEX[node]] - shown.joints[:, NODE_INDEX[node]]).max() < 1e-6
+
+
 def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(KinemimicError, match=r"pip install 'kinemimic\[c3d\]'"):

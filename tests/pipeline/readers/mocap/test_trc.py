@@ -78,6 +78,35 @@ def test_units_of_the_header() -> None:
         read(TEXT.replace("\tmm\t", "\tfurlong\t"))
 
 
+def in_metres(word: str) -> str:
+    """The file in metres, which its header calls by this word."""
+    return in_unit(1.0).replace("\tmm\t", f"\t{word}\t")
+
+
+@pytest.mark.parametrize("word", ["m", "M", "meters", "Metre", "METERS"])
+def test_units_by_their_words(word: str) -> None:
+    clip = read(in_metres(word))
+    assert clip.provenance["reading"]["units"] == "m"
+    assert clip.provenance["reading"]["defects"] == []
+    assert np.allclose(clip.positions, read(LONGER).positions, atol=1e-8)
+    assert read(LONGER.replace("\tmm\t", "\tMillimeters\t")).provenance["reading"]["units"] == "mm"
+
+
+def test_spaces_may_separate_the_columns(tmp_path: Path) -> None:
+    true = read(TEXT)
+    for gap in (" ", "   "):
+        clip = read(re.sub("\t", gap, TEXT))
+        assert np.array_equal(clip.positions, true.positions)
+        assert clip.provenance["reading"]["units"] == "mm"
+        assert notes(clip) == notes(true)
+    with pytest.raises(CaptureError, match="line 9: expected 68 numbers, found 67"):
+        read(lines({8: TEXT.split("\n")[8].rsplit("\t", 1)[0]}).replace("\t", " "))
+    # The marker set beside such a file is still recorded.
+    (tmp_path / "walk.trc").write_text(TEXT.replace("\t", " "))
+    (tmp_path / "walk.markers.toml").write_text('hips = "harrington"\n')
+    assert list(recognise.read(tmp_path / "walk.trc").provenance["sidecar_files"]) == ["walk.markers.toml"]
+
+
 def test_values_and_names_may_be_set_apart_by_any_number_of_tabs() -> None:
     """OpenSim's exampleMocoTrack doubles the TABs between the values: the fifth field is not the unit."""
     parts = TEXT.split("\n")
@@ -196,6 +225,48 @@ def test_a_missing_marker_leaves_a_gap_in_the_nodes_computed_from_it() -> None:
     # Without the knee there is no direction of the shank either, but its ankle has two markers of its own.
     assert missing == {(4, "knee_left"), (5, "head"), (6, "foot_right")}
     assert np.array_equal(np.isnan(clip.positions).any(axis=-1), clip.states == 0)
+
+
+def hidden(label: str, frames: slice) -> Clip:
+    """The walk without medial markers, and without this marker in these frames."""
+    shown = in_sight(walk(90, RATE))
+    places = {name: at for name, at in markers(shown).items() if "Med" not in name}
+    points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    points[frames, list(places).index(label)] = np.nan
+    return read(text(list(places), shown.times, points))
+
+
+def test_an_ankle_is_seen_while_its_knee_is_hidden() -> None:
+    clip, whole = (hidden("L.Knee.Lat", frames) for frames in (slice(30, 60), slice(0)))
+    missing = {clip.skeleton.names[joint] for joint in np.nonzero(clip.states == 0)[1]}
+    assert missing == {"knee_left"}
+    ankle = clip.skeleton.index("ankle_left")
+    assert np.linalg.norm(clip.positions[:, ankle] - whole.positions[:, ankle], axis=-1).max() < 0.006
+
+
+def test_a_hidden_marker_of_the_head_is_filled_and_named() -> None:
+    shown = in_sight(walk(90, RATE))
+    head = shown.joints[:, NODE_INDEX["head"]]
+    corners = {"LFHD": [0.08, 0.06, 0.0], "RFHD": [0.08, -0.06, 0.0], "LBHD": [-0.08, 0.06, 0.02],
+               "RBHD": [-0.08, -0.06, 0.02]}  # fmt: skip
+    places = {label: at for label, at in markers(shown).items() if label != "Top.Head"}
+    places |= {label: head + corner for label, corner in corners.items()}
+    points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    whole = read(text(list(places), shown.times, points))
+    points[20:70, list(places).index("LBHD")] = np.nan
+    clip = read(text(list(places), shown.times, points))
+    assert np.abs(clip.positions - whole.positions).max() < 1e-6
+    assert "hidden markers filled from others on the same segment: LBHD in 50 frames" in notes(clip)
+
+
+def test_a_marker_that_was_never_seen_does_not_count() -> None:
+    with pytest.raises(
+        CaptureError, match=r"found none for left ASIS \(L\.ASIS never seen\) among V\.Sacral"
+    ):
+        hidden("L.ASIS", slice(None))
+    clip = hidden("L.Toe.Tip", slice(None))
+    assert "foot_left" in derived_nodes(clip)
+    assert "never seen: L.Toe.Tip" in notes(clip)
 
 
 def test_the_time_column_wins_over_the_header() -> None:

@@ -1,0 +1,67 @@
+"""Labels of laboratories' marker sets, of subjects and of computed joint centres."""
+
+from __future__ import annotations
+
+import pytest
+
+from kinemimic.pipeline.readers.optical.marker_names import joint_centres, landmarks, without_subject
+
+PLUG_IN_GAIT = "LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LTOE RTHI RKNE RTIB RANK RTOE"
+ANATOMICAL = "CV7 SJN " + " ".join(
+    f"{s}_IAS {s}_IPS {s}_FLE {s}_FME {s}_FAL {s}_TAM {s}_FCC {s}_FM1 {s}_FM2 {s}_FM5 {s}_SAE {s}_HLE "
+    f"{s}_HME {s}_RSP {s}_USP"
+    for s in "LR"
+)
+MOTIVE = "HeadTop BackTop Chest " + " ".join(
+    f"Waist{s}Front Waist{s}Back {s}KneeOut {s}KneeIn {s}AnkleOut {s}AnkleIn {s}ToeOut {s}ToeIn "
+    f"{s}ShoulderTop {s}ElbowOut {s}ElbowIn {s}WristOut {s}WristIn {s}HandOut"
+    for s in "LR"
+)
+LEGS = ("asis", "psis", "knee_lateral", "ankle_lateral", "toes")
+MEDIAL_AND_ARMS = ("knee_medial", "ankle_medial", "acromion", "elbow", "wrist")
+
+
+@pytest.mark.parametrize("prefix", ["", "Jim:", "Subject1_", "Patient_01_", "Anna.", "Patient 7 "])
+@pytest.mark.parametrize("names", [PLUG_IN_GAIT, ANATOMICAL, MOTIVE])
+def test_a_subjects_name_does_not_matter(prefix: str, names: str) -> None:
+    labels = names.split()
+    known = landmarks([prefix + label for label in labels])
+    assert known == landmarks(labels)
+    wanted = LEGS if names is PLUG_IN_GAIT else (*LEGS, *MEDIAL_AND_ARMS)
+    assert known.keys() >= {f"{landmark}_{side}" for landmark in wanted for side in ("left", "right")}
+
+
+def test_which_marker_is_which() -> None:
+    for names, lateral, medial, toes in (
+        (ANATOMICAL, "R_FLE", "R_FME", ["R_FM2"]),
+        (MOTIVE, "RKneeOut", "RKneeIn", ["RToeOut", "RToeIn"]),
+    ):
+        labels = names.split()
+        found = landmarks(labels)
+        assert [labels[k] for k in found["knee_lateral_right"]] == [lateral]
+        assert [labels[k] for k in found["knee_medial_right"]] == [medial]
+        assert [labels[k] for k in found["toes_right"]] == toes
+    assert landmarks(ANATOMICAL.split())["neck_back"] == (0,)
+    sports = ["Q_WaistLFront", "Q_WaistRFront", "Q_WaistBack", "Q_LKneeOut", "Q_RKneeOut"]
+    assert {"asis_left", "asis_right", "sacrum", "knee_lateral_left"} <= landmarks(sports).keys()
+
+
+def test_a_side_or_a_word_of_a_few_labels_is_no_subject() -> None:
+    for labels in (
+        ["L_IAS", "L_FLE", "L_FAL", "L_FCC", "L_FM2"],
+        ["left knee lat", "left ankle lat", "left asis", "left toe", "left heel"],
+        ["Top.Head"],
+        ["V.Sacral", "L.ASIS", "R.ASIS"],
+        ["New 0001", "New 0002", "New 0003", "New 0004", "New 0005"],
+        ["", "", ""],
+    ):
+        assert without_subject(labels) == tuple(labels)
+
+
+@pytest.mark.parametrize("prefix", ["", "Bob:", "Bob_"])
+def test_computed_joint_centres(prefix: str) -> None:
+    labels = [prefix + s + joint + "JC" for s in "LR" for joint in "HKASEW"]
+    found = joint_centres(labels)
+    for number, joint in enumerate(("hip", "knee", "ankle", "shoulder", "elbow", "wrist")):
+        assert (found[f"{joint}_left"], found[f"{joint}_right"]) == (number, number + 6)
+    assert joint_centres(["RHJC_study"]) == {"hip_right": 0}
