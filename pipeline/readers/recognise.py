@@ -19,6 +19,7 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.folder import CAMERA_FILE, is_recording
 from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
 from kinemimic.pipeline.readers.landmarks.freemocap import body_table, is_freemocap
+from kinemimic.pipeline.readers.unreadable import unreadable
 from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
 from kinemimic.pipeline.readers.video.container import is_video
 from kinemimic.pipeline.readers.video.options import VideoOptions
@@ -150,14 +151,24 @@ def reader_of(source: Source) -> Reader:
 
 
 def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
+    if what := unreadable(source):
+        return NotACaptureError(source.path, expected="a capture", found=what.found, advice=what.advice)
     if not source.is_text:
         return NotACaptureError(
             source.path, expected="a capture", found="a binary file of unknown format",
             advice="`kinemimic formats` lists the known formats",
         )  # fmt: skip
-    widths = [len(fields) for line in source.head[:32] if (fields := _numbers(line))]
+    start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
+    widths = [len(fields) for line in source.head[:32] if len(fields := _numbers(line)) > 1]
     if widths and len(widths) >= 0.9 * len(source.head[:32]):
         width = max(set(widths), key=widths.count)
+        describe = "describe its columns (`kinemimic inspect --suggest` drafts that)"
+        if not _numbers(source.head[0]):
+            return source.error(
+                expected="a capture",
+                found=f"a table of {width} numbers per line under a header of no known format, {start!r}",
+                advice=describe,
+            )
         candidates = [format.name for format in known if width in format.columns]
         with_header = [format.name for format in known if format.width_in_header]
         names = ", ".join(candidates) if candidates else "none"
@@ -165,9 +176,8 @@ def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
             expected="a capture",
             found=f"a table of {width} numbers per line without a header; formats of that width: {names}; "
             f"formats with their width in the header: {', '.join(with_header)}",
-            advice="restore its header, or describe its columns (`kinemimic inspect --suggest` drafts that)",
+            advice=f"restore its header, or {describe}",
         )
-    start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
     return NotACaptureError(
         source.path,
         expected="a capture",

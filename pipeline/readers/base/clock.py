@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,9 +20,15 @@ _NAMED: tuple[tuple[str, re.Pattern[str]], ...] = (
     ("ms", re.compile(r"\bms\b|msec|millis", re.IGNORECASE)),
     ("s", re.compile(r"\bs\b|\bsec(onds?)?\b", re.IGNORECASE)),
 )
+_CLOCK = re.compile(r"time|stamp", re.IGNORECASE)
 # Limits of a camera's median step in seconds: 500 Hz to one picture in half a second. Units are a thousand
 # times apart, so that no step fits two of them.
 STEPS = (0.002, 0.5)
+
+
+def clock_column(names: Sequence[str]) -> int | None:
+    """The first column whose name says that it holds times, or None."""
+    return next((k for k, name in enumerate(names) if _CLOCK.search(name)), None)
 
 
 def named_unit(name: str) -> str | None:

@@ -36,7 +36,7 @@ FORMAT = Format(
     recognised_by="a header Name_X Name_Y Name_Z Name_tracked … with joints that only a Kinect v2 has",
     columns=(106,),
 )
-_CLOCKS = {"100 ns": 1e7, "ms": 1e3}
+_CLOCKS = ("100 ns", "ms")
 # A v1 name that one of the recorders kept for the same joint.
 _V1_NAMES = {"shouldercenter": "spineshoulder"}
 
@@ -73,7 +73,7 @@ class JointOrder:
 
 def recognises(source: Source) -> bool:
     """True if the first line is a header of joint columns with joints that only a Kinect v2 has."""
-    return is_kinect_v2(joint_columns(source.head[0]))
+    return is_kinect_v2(joint_columns(source))
 
 
 def read(source: Source) -> Clip:
@@ -87,7 +87,7 @@ def read(source: Source) -> Clip:
         raise source.error(
             expected="the 25 joints of a Kinect v2", found=f"{len(header.joints)} joints", line=header.line
         )
-    frames = frames_of(source, header, header.joints, _CLOCKS)
+    frames = frames_of(source, header, header.joints, sensor=FORMAT.sensor, usual_clocks=_CLOCKS)
     order, defects = _choose_order(source, header, frames)
     indices = [order.indices[k] for k in FROM_SDK]
     return clip_of_points(
@@ -100,9 +100,10 @@ def read(source: Source) -> Clip:
             units="m",
             units_rule="the format's",
             defects=[*frames.defects, *zero_frames(frames.points), *defects],
+            notes=frames.notes,
             columns=len(header.columns),
-            clock=frames.unit,
             joint_order=order.label,
+            **frames.facts,
         ),
     )
 

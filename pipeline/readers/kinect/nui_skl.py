@@ -27,13 +27,13 @@ FORMAT = Format(
 KINECT_V1_JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node in NODES)
 # A header with this many joint columns is of this format, even if some columns are missing.
 _MIN_COLUMNS = 20
-_CLOCKS = {"ms": 1e3}
+_NAMES = frozenset(joint.lower() for joint in KINECT_V1_JOINTS)
 
 
 def recognises(source: Source) -> bool:
-    """True if the first line is a header of joint columns that are not a Kinect v2's."""
-    columns = joint_columns(source.head[0])
-    return len(columns) >= _MIN_COLUMNS and not is_kinect_v2(columns)
+    """True if the first line is a header of columns of a Kinect v1's joints, and not of a Kinect v2's."""
+    columns = joint_columns(source)
+    return sum(name in _NAMES for name in columns) >= _MIN_COLUMNS and not is_kinect_v2(columns)
 
 
 def read(source: Source) -> Clip:
@@ -42,16 +42,14 @@ def read(source: Source) -> Clip:
     Lines with a repeated or earlier time are dropped and counted.
     """
     header = header_of(source)
-    unknown = sorted(
-        {joint.lower() for joint in header.joints} - {joint.lower() for joint in KINECT_V1_JOINTS}
-    )
+    unknown = sorted({joint.lower() for joint in header.joints} - _NAMES)
     if unknown:
         raise source.error(
             expected="the 20 joints of a Kinect v1",
             found=f"{len(header.joints)} joints, including {', '.join(unknown[:3])[:80]}",
             line=header.line,
         )
-    frames = frames_of(source, header, KINECT_V1_JOINTS, _CLOCKS)
+    frames = frames_of(source, header, KINECT_V1_JOINTS, sensor=FORMAT.sensor, usual_clocks=("ms",))
     return clip_of_points(
         node_skeleton(),
         frames.times,
@@ -59,6 +57,11 @@ def read(source: Source) -> Clip:
         frames.states,
         format=FORMAT,
         reading=reading(
-            units="m", units_rule="the format's", defects=frames.defects, columns=len(header.columns)
+            units="m",
+            units_rule="the format's",
+            defects=frames.defects,
+            notes=frames.notes,
+            columns=len(header.columns),
+            **frames.facts,
         ),
     )

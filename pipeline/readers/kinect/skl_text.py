@@ -1,20 +1,26 @@
 """The table that both `.skl` recorders write: a header of column names, then one line per frame.
 
 Four columns per joint, `Name_X Name_Y Name_Z Name_tracked`, among others (timestamp, framenum, gyro, floor).
-tracked: 0 not tracked, 1 inferred, 2 tracked.
+tracked: 0 not tracked, 1 inferred, 2 tracked. The recorders separate columns by tabs. What people make of
+such files is read too: commas or semicolons between columns, decimal commas, quotes, comments (#) above the
+header, `Name.x`, no states, times in another unit or as dates, no times.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table
@@ -22,7 +28,12 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_values import STEPS, check_states
 
 FIELDS: tuple[str, ...] = ("X", "Y", "Z", "tracked")
+# Of either sensor, in Hz.
+RATE = 30.0
+# Unit of a clock -> ticks per second; the SDK's ticks are 100 ns.
+CLOCKS: dict[str, float] = {"s": 1.0, "ms": 1e3, "µs": 1e6, "100 ns": 1e7, "ns": 1e9}
 _COLUMN = re.compile(r"([a-z]+)_(x|y|z|tracked)$")
+_COMMENT = "#"
 # Joints that a Kinect v1 lacks. Three of them are more than a misspelt name.
 _ONLY_V2 = {"spinebase", "spinemid", "neck", "spineshoulder", "handtipleft", "handtipright", "thumbleft"}
 _MIN_V2_NAMES = 3
@@ -30,17 +41,20 @@ _MIN_V2_NAMES = 3
 
 @dataclass(frozen=True)
 class Header:
-    """columns: lower-case name -> column; joints: as written, in the order of their columns; line: its
-    number."""
+    """columns: lower-case name -> column; joints: as written, in the order of their columns; clock: the
+    column of times, if there is one; line: its number; separator: of the columns, None for white space."""
 
     columns: dict[str, int]
     joints: tuple[str, ...]
+    clock: int | None
     line: int
+    separator: str | None
 
 
-def joint_columns(line: str) -> list[str]:
-    """The lower-case joint names for which a header has columns, one entry per column."""
-    return [match.group(1) for name in line.lower().split() if (match := _COLUMN.match(name))]
+def joint_columns(source: Source) -> list[str]:
+    """The lower-case joint names for which the header has columns, one entry per column."""
+    header = next((line for line in source.head if not line.startswith(_COMMENT)), "")
+    return [match.group(1) for name in _names(header) if (match := _COLUMN.match(name.lower()))]
 
 
 def is_kinect_v2(joints: Sequence[str]) -> bool:
@@ -49,70 +63,151 @@ def is_kinect_v2(joints: Sequence[str]) -> bool:
 
 
 def header_of(source: Source) -> Header:
-    """The header: the first line that is not blank. CaptureError if it has a name twice."""
-    names, line = source.head[0].split(), source.blank_lines + 1
-    columns = index_of_columns([name.lower() for name in names], source, line)
+    """The header: the first line that is neither blank nor a comment. CaptureError if it has a name twice."""
+    after_blank = range(source.blank_lines, len(source.lines))
+    at = next(k for k in after_blank if source.lines[k].strip() and source.lines[k][0] != _COMMENT)
+    names = _names(source.lines[at])
+    columns = index_of_columns([name.lower() for name in names], source, at + 1)
     joints = [name.rpartition("_")[0] for name in names if _COLUMN.match(name.lower())]
-    return Header(columns, tuple(dict.fromkeys(joints)), line)
+    return Header(
+        columns, tuple(dict.fromkeys(joints)), clock_column(names), at + 1, _separator(source.lines[at])
+    )
+
+
+def _separator(header: str) -> str | None:
+    return next((mark for mark in ";," if mark in header), None)
+
+
+def _names(header: str) -> list[str]:
+    """The names of the columns, spelt with an underscore before the field."""
+    separator = _separator(header)
+    names = header.strip().removesuffix(separator or "").split(separator)
+    return [name.strip().strip('"').replace(".", "_") for name in names]
 
 
 @dataclass(frozen=True)
 class Frames:
-    """times: (T,) seconds, increasing; unit: of the file's clock; points: (T, J, 3) as in the file; states:
-    (T, J); defects: lines that were dropped."""
+    """times: (T,) seconds, increasing; points: (T, J, 3) as in the file; states: (T, J); defects: lines that
+    were dropped; notes, facts: for the reading, how the times are known."""
 
     times: Array
-    unit: str
     points: Array
     states: NDArray[np.uint8]
     defects: list[Defect]
+    notes: list[str]
+    facts: dict[str, Any]
 
 
-def frames_of(source: Source, header: Header, joints: Sequence[str], units: dict[str, float]) -> Frames:
+def frames_of(
+    source: Source, header: Header, joints: Sequence[str], *, sensor: str, usual_clocks: Sequence[str]
+) -> Frames:
     """The frames of the given joints (J,), in that order; every column is found by its name.
 
-    units: possible units of the clock -> ticks per second; the one whose median step is a Kinect's is taken.
-    Raises CaptureError for a missing column and for values that the column cannot have.
+    sensor: its name; usual_clocks: units (keys of CLOCKS) in which its recorders write times; another one
+    has a note. Without states, every joint counts as tracked. Without times, the frames are the sensor's 30
+    a second, which the gait must confirm (`quality/rules/assumed_rate.py`). Raises CaptureError for a missing
+    column and for values that the column cannot have.
     """
-    wanted = ["timestamp", *(f"{joint}_{field}" for joint in joints for field in FIELDS)]
+    with_states = any(name.endswith("_tracked") for name in header.columns)
+    fields = FIELDS if with_states else FIELDS[:3]
     columns = require_columns(
         header.columns,
-        wanted,
+        [f"{joint}_{field}" for joint in joints for field in fields],
         source,
         header.line,
-        expected=f"a timestamp and X, Y, Z, tracked of {len(joints)} joints",
+        expected=f"{', '.join(fields)} of {len(joints)} joints",
         key=str.lower,
     )
-    table = parse_table(source, start=header.line, width=len(header.columns))
-    clock = table.values[:, columns[0]]
-    # Beyond 2**53 a float cannot hold whole ticks.
-    invalid = ~(np.abs(clock) < 2.0**53)
-    if invalid.any():
-        line = table.line(int(np.argmax(invalid)))
-        raise source.error(expected="a timestamp", found="a non-finite number", line=line)
-    start = columns[1]
-    contiguous = columns[1:] == list(range(start, start + len(columns) - 1))
-    # A slice is a view; a list of columns copies every number.
-    chosen = table.values[:, start : start + len(columns) - 1] if contiguous else table.values[:, columns[1:]]
-    values = chosen.reshape(len(clock), len(joints), len(FIELDS))
-    states, points = values[..., 3], values[..., :3]
-    check_states(states, joints, lambda frame: f"line {table.line(frame)}", source)
-    refuse_remote(points, joints, source, table.line)
-    later, defects = increasing_times(clock)
-    unit = _unit(clock[later], units, source)
-    if not defects:
-        return Frames(clock / units[unit], unit, points, states.astype(np.uint8), defects)
-    return Frames(clock[later] / units[unit], unit, points[later], states[later].astype(np.uint8), defects)
-
-
-def _unit(clock: Array, units: dict[str, float], source: Source) -> str:
-    """The unit for which the median step of an increasing clock (T,) is a Kinect's."""
-    step = float(np.median(np.diff(clock))) if len(clock) > 1 else STEPS[0] * max(units.values())
-    for unit, ticks in units.items():
-        if STEPS[0] <= step / ticks <= STEPS[1]:
-            return unit
-    ranges = " or ".join(
-        f"in {unit}, with steps of {STEPS[0] * ticks:g} to {STEPS[1] * ticks:g}"
-        for unit, ticks in units.items()
+    table = parse_table(
+        _plain(source, header), start=header.line, width=len(header.columns), separator=header.separator
     )
-    raise source.error(expected=f"timestamps {ranges}", found=f"a median step of {step:g}")
+    start = columns[0]
+    contiguous = columns == list(range(start, start + len(columns)))
+    # A slice is a view; a list of columns copies every number.
+    chosen = table.values[:, start : start + len(columns)] if contiguous else table.values[:, columns]
+    values = chosen.reshape(len(chosen), len(joints), len(fields))
+    points = values[..., :3]
+    if with_states:
+        check_states(values[..., 3], joints, lambda frame: f"line {table.line(frame)}", source)
+        states = values[..., 3].astype(np.uint8)
+    else:
+        states = np.full(points.shape[:2], TRACKED, dtype=np.uint8)
+    refuse_remote(points, joints, source, table.line)
+    if header.clock is None:
+        doubt = {"rate": RATE, "declared": None, "sensor": sensor}
+        notes = [f"no time in the file: {RATE:g} Hz"]
+        return Frames(np.arange(len(points)) / RATE, points, states, [], notes, {"assumed_rate": doubt})
+    clock = table.values[:, header.clock]
+    # .NET's ticks since the year 1 are 6.4e17, which a float holds to 13 µs.
+    invalid = ~(np.abs(clock) < 2.0**63)  # NaN too
+    if invalid.any():
+        row = int(np.argmax(invalid))
+        raise source.error(expected="a timestamp", found=f"{clock[row]:g}", line=table.line(row))
+    later, defects = increasing_times(clock)
+    if defects:
+        clock, points, states = clock[later], points[later], states[later]
+    unit = _unit(clock, usual_clocks[0], source)
+    notes = [] if unit in usual_clocks else [f"times in {unit}, by their steps"]
+    if _has_dates(source.lines[header.line :], header):
+        notes = ["times of day, with their date"]
+    return Frames(clock / CLOCKS[unit], points, states, defects, notes, {"clock": unit})
+
+
+def _unit(clock: Array, usual: str, source: Source) -> str:
+    """The unit in which the median step of an increasing clock (T,) is nearest to the sensor's; of a single
+    frame, the usual one.
+
+    Microseconds and ticks of 100 ns are only ten times apart: steps of 10 to 100 ms tell them from each
+    other.
+    """
+    if len(clock) < 2:
+        return usual
+    step = float(np.median(np.diff(clock)))
+    unit = min(CLOCKS, key=lambda unit: abs(np.log(RATE * step / CLOCKS[unit])))
+    if not STEPS[0] <= step / CLOCKS[unit] <= STEPS[1]:
+        raise source.error(
+            expected=f"timestamps with steps of {1e3 * STEPS[0]:g} to {1e3 * STEPS[1]:g} ms, in one of "
+            f"{', '.join(CLOCKS)}",
+            found=f"a median step of {step:g}",
+        )
+    return unit
+
+
+def _plain(source: Source, header: Header) -> Source:
+    """The table, line by line, without quotes and decimal commas, dates as seconds."""
+    rows = source.lines[header.line :]
+    dated = _has_dates(rows, header)
+    decimal_commas = header.separator != "," and b"," in source.content
+    if not (dated or decimal_commas or b'"' in source.content):
+        return source
+    body = "\n".join(rows).replace('"', "")
+    if decimal_commas:
+        body = body.replace(",", ".")
+    if dated:
+        body = "\n".join(_with_seconds(body.split("\n"), header, source))
+    text = "\n".join([*source.lines[: header.line], body])
+    return Source(source.path, text.encode(), source.sha256, source.unit)
+
+
+def _has_dates(rows: Sequence[str], header: Header) -> bool:
+    """Whether the first row has a date and time of day in the clock's column."""
+    first = next((row for row in rows if row.strip()), "").split(header.separator)
+    return header.clock is not None and header.clock < len(first) and ":" in first[header.clock]
+
+
+def _with_seconds(rows: Sequence[str], header: Header, source: Source) -> Iterator[str]:
+    """The rows with seconds (since 1970, UTC unless the zone is stated) for the dates of their clock."""
+    clock = header.clock or 0
+    for line, row in enumerate(rows, header.line + 1):
+        cells = row.split(header.separator)
+        if clock < len(cells) and row.strip():
+            try:
+                date = datetime.fromisoformat(cells[clock].strip())
+            except (ValueError, OverflowError):
+                raise source.error(
+                    expected="a date and time (ISO 8601), as in the first line of numbers",
+                    found=repr(cells[clock].strip()[:40]),
+                    line=line,
+                ) from None
+            cells[clock] = f"{(date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp():.6f}"
+        yield (header.separator or "\t").join(cells)

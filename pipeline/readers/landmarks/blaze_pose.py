@@ -2,8 +2,9 @@
 
 Names and order: "Pose landmark detection guide", ai.google.dev/edge/mediapipe. A detection has two lists of
 them. World landmarks are metres about the middle of the hips, X to the right of the picture, Y down, Z away
-from the camera. Image landmarks are shares of the picture's width and height, their Z a share of its width
-that is not measured: they have neither a scale nor a shape before the picture's size is known.
+from the camera. Some programs put them where the person is, in metres from the camera. Image landmarks are
+shares of the picture's width and height, their Z a share of its width about the hips that is not measured:
+they have neither a scale nor a shape before the picture's size is known.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODES, TRACKED
+from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, USUAL_LEG
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
@@ -59,8 +61,13 @@ _PICTURE = (-1.0, 2.0)
 FIT_FOR_USE = "save pose_world_landmarks, or give the video itself to `kinemimic ingest`"
 
 
-def refuse_image_landmarks(points: Array, source: Source) -> None:
-    """Raise CaptureError unless the landmarks (T, 33, 3) are world landmarks, told apart by their origin."""
+def path_of_landmarks(points: Array, source: Source) -> str:
+    """A note that says whether the landmarks (T, 33, 3) move with the person, or about the hips alone.
+
+    Raises CaptureError for image landmarks. They are told apart by the size of the body, which is in metres
+    unless the user named another unit; where a close person's legs measure as much in shares of a picture as
+    a child's in metres, by the depth of the hips, which image landmarks do not have.
+    """
     hips = points[:, [NUMBER["left_hip"], NUMBER["right_hip"]]].mean(axis=1)
     seen = hips[np.isfinite(hips).all(axis=-1)]
     if not len(seen):
@@ -68,17 +75,32 @@ def refuse_image_landmarks(points: Array, source: Source) -> None:
     with np.errstate(over="ignore"):  # a damaged file may hold any number
         off = np.median(np.linalg.norm(seen, axis=-1))
     if off <= _ORIGIN:
-        return
+        return "the hips stay where they are: the way is not in the file"
     flat = points[..., :2][np.isfinite(points[..., :2])]
     low, high = np.percentile(flat, [2.5, 97.5])
     x, y, _ = np.median(seen, axis=0)
-    if _PICTURE[0] <= low and high <= _PICTURE[1]:
+    depth = np.median(np.abs(seen[:, 2]))
+    leg = leg_length(points)
+    in_picture = _PICTURE[0] <= low and high <= _PICTURE[1]
+    if in_picture and depth <= _ORIGIN and leg < USUAL_LEG[0]:
         found = f"image landmarks, shares of a picture (the middle of the hips at {x:.2f}, {y:.2f})"
+    elif source.unit is None and not LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
+        found = f"a leg of {leg:.4g}, the middle of the hips at {x:.4g}, {y:.4g}: image landmarks in pixels?"
     else:
-        found = f"the middle of the hips at {x:.4g}, {y:.4g}: image landmarks in pixels?"
-    raise source.error(
-        expected="world landmarks, metres about the middle of the hips", found=found, advice=FIT_FOR_USE
-    )
+        return "the hips move: the way is in the file"
+    raise source.error(expected="world landmarks, in metres", found=found, advice=FIT_FOR_USE)
+
+
+def leg_length(points: Array) -> float:
+    """Median length of thigh plus shank of both sides in (T, 33, 3); NaN if no frame has a whole leg."""
+    lengths = []
+    for side in ("left", "right"):
+        hip, knee, ankle = (points[:, NUMBER[f"{side}_{joint}"]] for joint in ("hip", "knee", "ankle"))
+        with np.errstate(over="ignore", invalid="ignore"):  # a damaged file may hold any number
+            lengths.append(np.linalg.norm(hip - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1))
+    known = np.concatenate(lengths)
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if len(known) else np.nan
 
 
 def clip_of_landmarks(

@@ -2,8 +2,8 @@
 
 The folder holds output_data/ with body_3d_xyz.csv (older versions: mediapipe_body_3d_xyz.csv): a column for
 each coordinate of each of the 33 landmarks, "body_nose_x" or "nose_x", and a row a frame, in millimetres, Z
-up once the recording is aligned with the ground. There are no times; frames are those of the videos. Either
-the folder or the table may be passed.
+up once the recording is aligned with the ground. FreeMoCap writes no times there, frames are those of the
+videos; a column of times that somebody added is read. Either the folder or the table may be passed.
 """
 
 from __future__ import annotations
@@ -17,25 +17,29 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
+from kinemimic.pipeline.readers.base.numbers import numbers_of, parse_sparse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, LEGS, clip_of_landmarks
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, LEGS, clip_of_landmarks, leg_length
+from kinemimic.pipeline.readers.landmarks.video_clock import RATE, times_of_clock, times_of_rate
 
 FORMAT = Format(
     name="FreeMoCap",
     sensor="several videos, through FreeMoCap",
     holds="positions of 33 landmarks",
-    recognised_by="a header body_nose_x or nose_x with x, y and z of all landmarks, and no visibility; or a "
-    "folder with output_data/",
+    recognised_by="a header body_nose_x, or nose_x in millimetres, with x, y and z of all landmarks, and no "
+    "visibility; or a folder with output_data/",
     width_in_header=True,
 )
-RATE, UNIT = 30.0, "mm"
+UNIT = "mm"
 OUTPUT_FOLDER = "output_data"
 TABLES: tuple[str, ...] = ("body_3d_xyz.csv", "mediapipe_body_3d_xyz.csv")
 _PREFIX = "body_"
+# A leg in metres is shorter, one in millimetres longer, and an unprefixed table in metres is MediaPipe's.
+_LONG_LEG = 10.0
 
 
 def is_freemocap(path: Path) -> bool:
@@ -58,22 +62,25 @@ def body_table(folder: Path) -> Path:
 
 
 def recognises(source: Source) -> bool:
-    """True if the first line names the coordinates of most landmarks, and nothing but coordinates."""
+    """True if the first line names the coordinates of most landmarks and little else, with FreeMoCap's prefix
+    or above a body in millimetres."""
     names = _names(source)
     there = set(names)
-    found = sum(f"{landmark}_{axis}" in there for landmark in LANDMARKS for axis in "xyz")
-    return found > 2.4 * len(LANDMARKS) and len(names) <= found + 6
+    wanted = _coordinates()
+    found = sum(name in there for name in wanted)
+    if found <= 0.8 * len(wanted) or len(names) > found + 6:
+        return False
+    return _PREFIX in source.head[0].lower() or _has_long_legs(source, names)
 
 
 def read(source: Source) -> Clip:
-    """The clip of the nodes that the landmarks give, at 30 Hz.
+    """The clip of the nodes that the landmarks give; without times, at 30 Hz.
 
     Raises CaptureError for a damaged header or table, and coordinates outside any room.
     """
     names, line = _names(source), source.blank_lines + 1
     index = index_of_columns(names, source, line)
-    wanted = [f"{landmark}_{axis}" for landmark in LANDMARKS for axis in "xyz"]
-    columns = require_columns(index, wanted, source, line, expected="x, y and z of the 33 landmarks")
+    columns = require_columns(index, _coordinates(), source, line, expected="x, y and z of the 33 landmarks")
     table = parse_sparse_table(source, start=line, width=len(names), separator=",")
     unit = source.unit or UNIT
     points = table.values[:, columns].reshape(-1, len(LANDMARKS), 3) * UNITS[unit]
@@ -83,16 +90,24 @@ def read(source: Source) -> Clip:
                 expected="hips, knees and ankles", found=f"no {leg.replace('_', ' ')} in any frame"
             )
     refuse_remote(points, LANDMARKS, source, table.line)
+    clock = clock_column(names)
+    if clock is None:
+        note = f"no time in the file: {RATE:g} Hz, unless --rate says what the videos have"
+        times = times_of_rate(len(points), RATE, note)
+    else:
+        times = times_of_clock(
+            table.values[:, clock], names[clock], source, lambda row: f"line {table.line(row)}"
+        )
     return clip_of_landmarks(
-        points,
+        points[times.kept],
         None,
-        np.arange(len(points)) / RATE,
+        times.seconds,
         format=FORMAT,
         reading=reading(
             units=unit,
             units_rule=SET_BY_USER if source.unit else "the format's",
-            defects=zero_frames(points),
-            notes=[f"no time in the file: {RATE:g} Hz, unless --rate says what the videos have"],
+            defects=[*times.defects, *zero_frames(points[times.kept])],
+            notes=[times.note],
             columns=len(names),
         ),
         world_from_file=IDENTITY,
@@ -102,3 +117,17 @@ def read(source: Source) -> Clip:
 def _names(source: Source) -> list[str]:
     """The names in the first line, without the prefix of newer versions."""
     return [name.strip().strip('"').lower().removeprefix(_PREFIX) for name in source.head[0].split(",")]
+
+
+def _coordinates() -> list[str]:
+    return [f"{landmark}_{axis}" for landmark in LANDMARKS for axis in "xyz"]
+
+
+def _has_long_legs(source: Source, names: list[str]) -> bool:
+    """Whether thigh and shank in the first whole rows are too long for metres."""
+    rows = (numbers_of(row, ",") for row in source.head[1:17])
+    whole = [[*row, np.nan] for row in rows if row is not None and len(row) == len(names)]
+    # A coordinate that has no column is the NaN at the end.
+    columns = [names.index(name) if name in names else len(names) for name in _coordinates()]
+    points = np.array(whole).reshape(-1, len(names) + 1)[:, columns].reshape(-1, len(LANDMARKS), 3)
+    return not leg_length(points) < _LONG_LEG

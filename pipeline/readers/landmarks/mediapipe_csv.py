@@ -3,8 +3,8 @@
 One row a frame, a column for each number of each landmark: "landmark_0_x", "L0_x", "x0" or "left_knee_x",
 with visibility and presence. Or the landmark's number in the row:
 "Frame,Time (ms),Landmark,X,Y,Z,Visibility", either one row a landmark, or all landmarks of a frame behind
-each other under the header of the first. A frame without a person has empty cells. Only world landmarks are a
-capture (blaze_pose.py).
+each other under the header of the first. A frame without a person has empty cells. Only landmarks in metres
+are a capture (blaze_pose.py).
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import seconds_of
+from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
@@ -31,8 +30,9 @@ from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     LEGS,
     NUMBER,
     clip_of_landmarks,
-    refuse_image_landmarks,
+    path_of_landmarks,
 )
+from kinemimic.pipeline.readers.landmarks.video_clock import RATE, times_of_clock, times_of_rate
 
 FORMAT = Format(
     name="MediaPipe landmarks CSV",
@@ -41,8 +41,6 @@ FORMAT = Format(
     recognised_by="a header with x, y, z of numbered or named landmarks, or a column Landmark",
     width_in_header=True,
 )
-# Of a video without times in the file.
-RATE = 30.0
 _FIELDS: dict[str, str] = {
     "x": "x", "y": "y", "z": "z", "visibility": "visibility", "vis": "visibility", "v": "visibility",
     "presence": "presence",
@@ -51,7 +49,6 @@ _COLUMN = re.compile(
     r"(?:(?P<name>[a-z_]*[a-z])_|(?:[a-z]+_?)?(?P<number>\d{1,2})_)(?P<field>x|y|z|visibility|vis|v|presence)"
     r"|(?P<first>x|y|z|v|visibility)_?(?P<last>\d{1,2})"
 )
-_CLOCK = re.compile(r"time|stamp", re.IGNORECASE)
 _MARK = "landmark"
 _SEPARATORS = (",", ";", "\t")
 
@@ -76,26 +73,23 @@ def read(source: Source) -> Clip:
     for leg in LEGS:
         if not np.isfinite(points[:, NUMBER[leg]]).all(axis=-1).any():
             raise source.error(expected="hips, knees and ankles", found=f"no {leg.replace('_', ' ')}")
-    notes: list[str] = []
-    defects: list[Defect] = []
     if content.clock is None:
-        times, later = np.arange(len(points)) / RATE, np.ones(len(points), dtype=np.bool_)
-        notes.append(f"no time in the file: {RATE:g} Hz")
+        times = times_of_rate(len(points), RATE, f"no time in the file: {RATE:g} Hz")
     else:
-        times, later, defects, unit = seconds_of(
-            content.clock, content.name, source, lambda row: f"line {content.line(row)}"
-        )
-        notes.append(f"times in {unit} ({content.name})")
-    refuse_image_landmarks(points, source)
+        times = times_of_clock(content.clock, content.name, source, lambda row: f"line {content.line(row)}")
+    path = path_of_landmarks(points, source)
     refuse_remote(points, LANDMARKS, source, content.line)
-    notes.append("the hips stay where they are: the way is not in the file")
     return clip_of_landmarks(
-        points[later],
-        content.values[later, :, 3:].min(axis=-1),
-        times,
+        points[times.kept],
+        content.values[times.kept, :, 3:].min(axis=-1),
+        times.seconds,
         format=FORMAT,
         reading=reading(
-            units="m", units_rule="the format's", defects=defects, notes=notes, columns=content.columns
+            units="m",
+            units_rule="the format's",
+            defects=times.defects,
+            notes=[times.note, path],
+            columns=content.columns,
         ),
     )
 
@@ -139,10 +133,6 @@ def _landmarks(names: list[str]) -> dict[int, tuple[int, str]]:
     return found
 
 
-def _clock_column(names: list[str]) -> int | None:
-    return next((k for k, name in enumerate(names) if _CLOCK.search(name)), None)
-
-
 @dataclass(frozen=True)
 class _Content:
     """columns: of the table; clock: (T,), if it has one, and name: of its column; values: (T, 33, 5), x, y,
@@ -164,7 +154,7 @@ def _wide(names: list[str], line: int, source: Source) -> _Content:
     fields = ("x", "y", "z", "visibility", "presence")
     for column, (number, field) in _landmarks(names).items():
         values[:, number, fields.index(field)] = table.values[:, column]
-    clock = _clock_column(names)
+    clock = clock_column(names)
     return _Content(
         len(names), None if clock is None else table.values[:, clock], names[clock or 0], values, table.line
     )
@@ -202,7 +192,7 @@ def _long(names: list[str], line: int, source: Source) -> _Content:
     for field, name in enumerate(("x", "y", "z", "visibility", "presence")):
         if name in names:
             values[frame[:, None], landmarks, field] = rows[..., names.index(name) - mark]
-    clock = _clock_column(names[:mark])
+    clock = clock_column(names[:mark])
     firsts = np.flatnonzero(np.diff(frame, prepend=-1))
     return _Content(
         width,

@@ -4,7 +4,8 @@ A list of frames, or an object with one ("frames", "results", "data"). A frame h
 world_landmarks, poseWorldLandmarks, worldLandmarks): 33 landmarks of one person, or a list of people, of whom
 the first is read. A landmark is an object with x, y, z, perhaps visibility and presence, or a list of these
 in that order. A frame without a person has an empty list or null. Image landmarks (pose_landmarks, landmarks)
-are passed over; of a list that does not say which it is, the origin tells (blaze_pose.py).
+are passed over; of a list that does not say which it is, the body tells (blaze_pose.py). Times are in the
+frames, or the video's rate ("fps") is beside them.
 """
 
 from __future__ import annotations
@@ -17,16 +18,22 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect, plural
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import seconds_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
+from kinemimic.pipeline.readers.base.frame_rate import HIGHEST, LOWEST
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     FIT_FOR_USE,
     LANDMARKS,
     clip_of_landmarks,
-    refuse_image_landmarks,
+    path_of_landmarks,
+)
+from kinemimic.pipeline.readers.landmarks.video_clock import (
+    RATE,
+    VideoTimes,
+    times_of_clock,
+    times_of_rate,
 )
 
 FORMAT = Format(
@@ -35,11 +42,12 @@ FORMAT = Format(
     holds="positions of 33 landmarks in metres, their visibility",
     recognised_by="JSON with the key pose_world_landmarks, pose_landmarks or a spelling of these",
 )
-RATE = 30.0
 _WORLD = ("pose_world_landmarks", "poseWorldLandmarks", "world_landmarks", "worldLandmarks")
 _IMAGE = ("pose_landmarks", "poseLandmarks", "landmarks")
 _FRAMES = ("frames", "results", "data")
 _CLOCKS = ("timestamp_ms", "timestampMs", "timestamp_us", "timestamp", "time_ms", "time_s", "time")
+# Without underscores, in lower case.
+_RATES = ("fps", "videofps", "framerate", "videoframerate")
 # Two hours at 30 Hz.
 _MAX_FRAMES = 216_000
 _FIELDS = ("x", "y", "z", "visibility", "presence")
@@ -56,7 +64,8 @@ def read(source: Source) -> Clip:
 
     Raises CaptureError for damaged JSON, other frames than described above, and image landmarks.
     """
-    frames = _frames(parse_json(source), source)
+    document = parse_json(source)
+    frames = _frames(document, source)
     key = _landmarks_key(frames, source)
     values = np.full((len(frames), len(LANDMARKS), len(_FIELDS)), np.nan)
     values[..., 3:] = 1.0
@@ -69,8 +78,9 @@ def read(source: Source) -> Clip:
     points = values[..., :3]
     if not np.isfinite(points).any():
         raise source.error(expected="frames with a person", found=f"none in {len(frames)} frames")
-    refuse_image_landmarks(points, source)
-    far = np.argwhere(np.abs(points) > MAX_COORDINATE)
+    path = path_of_landmarks(points, source)
+    # In another unit that the user names, the size of the leg is checked instead.
+    far = np.argwhere(np.abs(points) > (MAX_COORDINATE if source.unit is None else np.inf))
     if len(far):
         number, landmark, axis = (int(k) for k in far[0])
         raise source.error(
@@ -78,20 +88,21 @@ def read(source: Source) -> Clip:
             found=f"{points[number, landmark, axis]:g}",
             where=f"frame {number}",
         )
-    times, later, defects, note = _times(frames, source)
+    times = _times(frames, document, source)
+    defects = list(times.defects)
     if others:
         text = f"more people than one in {plural(others, 'frame')}: the first is read"
         defects.append(Defect("several_people", others, "frames", "repaired", text))
     return clip_of_landmarks(
-        points[later],
-        values[later, :, 3:].min(axis=-1),
-        times,
+        points[times.kept],
+        values[times.kept, :, 3:].min(axis=-1),
+        times.seconds,
         format=FORMAT,
         reading=reading(
             units="m",
             units_rule="the format's",
             defects=defects,
-            notes=[note, "the hips stay where they are: the way is not in the file"],
+            notes=[times.note, path],
             key=key,
         ),
     )
@@ -148,18 +159,32 @@ def _is_person(value: list[Any]) -> bool:
     return bool(value) and isinstance(value[0], dict | list)
 
 
-def _times(frames: list[dict[str, Any]], source: Source) -> tuple[Array, Any, list[Defect], str]:
-    """Times, the mask of the frames to keep, defects, and a note on the clock."""
+def _times(frames: list[dict[str, Any]], document: Any, source: Source) -> VideoTimes:
+    """The frames' own times if all have one, else those of the rate that the file states."""
     name = next((key for key in _CLOCKS if all(key in frame for frame in frames)), None)
     if name is None or len(frames) < 2:
-        return (
-            np.arange(len(frames)) / RATE,
-            np.ones(len(frames), dtype=np.bool_),
-            [],
-            f"no time in every frame: {RATE:g} Hz",
-        )
+        rate, key = _rate(document, source)
+        known = f"{rate:g} Hz ({key})" if key else f"{rate:g} Hz"
+        return times_of_rate(len(frames), rate, f"no time in every frame: {known}")
     clock = numbers([frame[name] for frame in frames])
     if clock is None or clock.ndim != 1:
         raise source.error(expected=f"numbers in {name}", found="something else")
-    times, later, defects, unit = seconds_of(clock, name, source, lambda frame: f"frame {frame}")
-    return times, later, defects, f"times in {unit} ({name})"
+    return times_of_clock(clock, name, source, lambda frame: f"frame {frame}")
+
+
+def _rate(document: Any, source: Source) -> tuple[float, str]:
+    """The rate in Hz that the file states beside its frames, or an object there ("metadata"), and its key;
+    RATE and "" if it states none."""
+    beside = document if isinstance(document, dict) else {}
+    objects = [beside, *(value for value in beside.values() if isinstance(value, dict))]
+    for key, value in ((key, value) for one in objects for key, value in one.items()):
+        if key.lower().replace("_", "") not in _RATES or value is None:
+            continue
+        rate = numbers(value)
+        if rate is None or rate.ndim or not LOWEST <= rate <= HIGHEST:
+            raise source.error(
+                expected=f"{LOWEST:g} to {HIGHEST:g} frames per second in {key[:40]}",
+                found=repr(value)[:40],
+            )
+        return float(rate), key
+    return RATE, ""

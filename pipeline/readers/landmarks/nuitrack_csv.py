@@ -7,6 +7,7 @@ not read. X points to the sensor's right, Y up, Z away from it. Not tested on a 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import numpy as np
@@ -31,6 +32,8 @@ FORMAT = Format(
     width_in_header=True,
 )
 _CLOCK, _USER, _SERIAL = "timestamp", "id", "serial"
+# The whole name of a column: keys of JSON may begin like it.
+_COLUMN = re.compile(r"joint_[a-z_]+\.(x|y|z|rot)")
 # Node -> the joint.
 JOINTS: dict[str, str] = {
     "hip_center": "WAIST", "spine": "TORSO", "shoulder_center": "NECK", "head": "HEAD",
@@ -45,7 +48,8 @@ JOINTS: dict[str, str] = {
 def recognises(source: Source) -> bool:
     """True if the first line names the clock and Nuitrack's joints."""
     names = set(_names(source))
-    return {_CLOCK, "joint_waist.x"} <= names or sum(name.startswith("joint_") for name in names) > 30
+    joints = sum(_COLUMN.fullmatch(name) is not None for name in names)
+    return {_CLOCK, "joint_waist.x"} <= names or joints > 30
 
 
 def read(source: Source) -> Clip:

@@ -42,6 +42,10 @@ WORLD_FROM_FILE: Array = from_axis_angle("X", np.array(0.5 * np.pi))
 STANDING = 0.94
 PELVIS_POSITION: tuple[str, ...] = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 REQUIRED: tuple[str, ...] = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l")
+# Radians of a full turn, and of a knee's range in walking.
+_FULL_TURN, _MOVING_KNEE = 2.0 * np.pi, 0.5
+# Percentile of the magnitudes of an angle that stands for the largest: one damaged number is no evidence.
+_MOST = 95.0
 # Radians, metres and seconds; larger values are damage.
 _MAX_ANGLE, _MAX_POSITION, _MAX_TIME = 100.0, 1e4, 1e6
 
@@ -113,6 +117,7 @@ def read(source: Source) -> Clip:
     """
     table = _table(source)
     later, defects = increasing_times(table.times)
+    defects = [*table.defects, *defects]
     if table.declared > len(later):
         count = table.declared - len(later)
         text = f"the header declares {table.declared} rows but the file has {len(later)}: it may be cut off"
@@ -164,12 +169,13 @@ def read(source: Source) -> Clip:
 @dataclass(frozen=True)
 class _Table:
     """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: number of rows in the
-    header; width: number of columns in the file."""
+    header; width: number of columns in the file; defects: an angles' unit that is not the declared one."""
 
     times: Array
     columns: Mapping[str, Array]
     declared: int
     width: int
+    defects: list[Defect]
 
 
 def _table(source: Source) -> _Table:
@@ -196,7 +202,9 @@ def _table(source: Source) -> _Table:
     angle_names = {name for joint in OPENSIM_JOINTS for name in joint.angle_names if name} & set(labels)
     used = {"time", *PELVIS_POSITION, *angle_names}
     columns = {label: numbers[:, k] for k, label in enumerate(labels) if label in used}
-    if _in_degrees(header.get("indegrees", ""), [columns[name] for name in angle_names]):
+    angles = {name: columns[name] for name in angle_names}
+    in_degrees, defects = _in_degrees(header.get("indegrees", ""), angles)
+    if in_degrees:
         columns |= {name: np.radians(columns[name]) for name in angle_names}
     units = {"time": ("s", _MAX_TIME), **dict.fromkeys(PELVIS_POSITION, ("m", _MAX_POSITION))}
     for label, values in columns.items():
@@ -211,7 +219,7 @@ def _table(source: Source) -> _Table:
     rows = header.get("nrows", "")
     # A header with more rows than any recording has is itself damaged.
     declared = int(rows) if rows.isascii() and rows.isdigit() and len(rows) < 9 else 0
-    return _Table(columns.pop("time"), columns, declared, len(labels))
+    return _Table(columns.pop("time"), columns, declared, len(labels), defects)
 
 
 def _coordinate(label: str) -> str:
@@ -235,11 +243,29 @@ def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
     index_of_columns(labels, source, line)
 
 
-def _in_degrees(declared: str, angles: Sequence[Array]) -> bool:
-    """As in the header; if the header does not state it, angles beyond a full turn in radians are degrees."""
-    if declared.lower() in ("yes", "no"):
-        return declared.lower() == "yes"
-    return max(float(np.abs(angle).max()) for angle in angles) > 2.0 * np.pi
+def _in_degrees(declared: str, angles: Mapping[str, Array]) -> tuple[bool, list[Defect]]:
+    """Whether the angles are in degrees, and a defect if the header says otherwise.
+
+    Hips and knees beyond a full turn in radians are in degrees. Where every joint stays within half a turn in
+    radians although the knees move as far as they do in walking, the angles are in radians: in degrees, that
+    would be a body that stands within three degrees of the model's zero, and still.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged file may hold any number
+        size = {name: float(np.percentile(np.abs(angle), _MOST)) for name, angle in angles.items()}
+        knees = [np.ptp(np.percentile(angles[f"knee_angle_{s}"], [100.0 - _MOST, _MOST])) for s in "lr"]
+    legs = [name for name in REQUIRED if size[name] > _FULL_TURN]
+    if declared.lower() not in ("yes", "no"):
+        return max(size.values()) > _FULL_TURN, []
+    in_degrees = declared.lower() == "yes"
+    largest = max(size.values())
+    if in_degrees and max(knees) > _MOVING_KNEE and largest < 0.5 * _FULL_TURN:
+        text = f"declared in degrees, but none exceeds {largest:.2f}: read in radians"
+    elif not in_degrees and legs:
+        text = f"declared in radians, but {legs[0]} reaches {size[legs[0]]:.0f}: read in degrees"
+    else:
+        return in_degrees, []
+    found = Defect("wrong_units", len(angles), "angles", "repaired", f"angles are {text}")
+    return not in_degrees, [found]
 
 
 def _knee_sign(values: Mapping[str, Array]) -> tuple[float, str]:

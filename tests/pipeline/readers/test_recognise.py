@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import hashlib
+import importlib
+import io
+import json
+import lzma
+import pickle
+import tarfile
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import andersson, asf_amc, kimore, nui_skl, treadmill
+import samples
+from samples import READERS, andersson, asf_amc, kimore, nui_skl, treadmill
 from samples import bvh as bvh_sample
 
-from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base import source
 
 Text = Callable[..., str]
+
+
+def is_json(name: str) -> bool:
+    content = next(iter(importlib.import_module(f"samples.{name}").files(12).values()))
+    return content.lstrip()[:1] in (b"{", b"[") and content.rstrip()[-1:] in (b"}", b"]")
 
 
 def test_content_decides_not_the_name(tmp_path: Path, skl: Text, bvh: Text) -> None:
@@ -105,6 +119,74 @@ def test_joint_names_in_another_encoding(tmp_path: Path, bvh: Text) -> None:
 def test_files_that_are_not_captures(tmp_path: Path, content: bytes, found: str) -> None:
     (tmp_path / "file").write_bytes(content)
     with pytest.raises(CaptureError, match=f"expected a capture, found {found}"):
+        recognise.read(tmp_path / "file")
+
+
+@pytest.mark.parametrize("name", [name for name in READERS if is_json(name)])
+def test_json_without_line_breaks_is_recognised(tmp_path: Path, name: str) -> None:
+    ((file, content), *_) = importlib.import_module(f"samples.{name}").files(12).items()
+    (tmp_path / file).write_text(json.dumps(json.loads(content)))
+    assert recognise.read(tmp_path / file).provenance["format"] == samples.reader(name).FORMAT.name
+
+
+def archive(**arrays: object) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def zipped(content: bytes) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as packed:
+        packed.writestr("walk.bvh", content)
+    return buffer.getvalue()
+
+
+def tarred(content: bytes) -> bytes:
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w") as packed:
+        member = tarfile.TarInfo("walk.bvh")
+        member.size = len(content)
+        packed.addfile(member, io.BytesIO(content))
+    return buffer.getvalue()
+
+
+def saved(array: object) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+WALK = b"HIERARCHY " * 100
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (zipped(WALK), "a ZIP archive; unpack it first"),
+        (tarred(WALK), "a tar archive; unpack it first"),
+        (bz2.compress(WALK), "a file packed by bzip2; unpack it first"),
+        (lzma.compress(WALK), "a file packed by xz; unpack it first"),
+        (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),
+        (saved(np.zeros((9, 17, 3))), "one numpy array, which does not say"),
+        (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; the layout of AMASS has trans and"),
+        (
+            archive(global_orient=np.zeros(3), body_pose=np.zeros(3), transl=np.zeros(3)),
+            r"an \.npz archive of body_pose, .*: save global_orient as root_orient, body_pose as pose_body, ",
+        ),
+        (b'{"people":[{"pose_keypoints_2d":[100.0]}]}', "keypoints of OpenPose in 2D: they have no depth"),
+    ],
+)
+def test_what_is_not_read_and_what_to_do_about_it(tmp_path: Path, content: bytes, says: str) -> None:
+    (tmp_path / "file").write_bytes(content)
+    with pytest.raises(NotACaptureError, match=f"expected a capture, found {says}"):
+        recognise.read(tmp_path / "file")
+
+
+def test_a_table_under_an_unknown_header_is_not_said_to_have_none(tmp_path: Path) -> None:
+    rows = "\n".join(",".join("1.5" for _ in range(7)) for _ in range(30))
+    (tmp_path / "file").write_text("frame,LASI_X,LASI_Y,LASI_Z,RASI_X,RASI_Y,RASI_Z\n" + rows)
+    with pytest.raises(CaptureError, match="a table of 7 numbers per line under a header of no known format"):
         recognise.read(tmp_path / "file")
 
 

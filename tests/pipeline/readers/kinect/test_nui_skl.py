@@ -11,11 +11,16 @@ from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect import nui_skl
 
 Text = Callable[..., str]
 PATH = Path("walk.skl")
+H36M = (
+    *("Hip", "RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "Spine", "Thorax", "Neck", "Head"),
+    *("LShoulder", "LElbow", "LWrist", "RShoulder", "RElbow", "RWrist"),
+)
 GYRO = ("framenum", "adc0", "adc1", "gyroX", "gyroY", "gyroZ")
 
 
@@ -85,10 +90,83 @@ def test_repeated_and_earlier_times_are_dropped_and_counted(skl: Text) -> None:
     assert [d["count"] for d in clip.provenance["reading"]["defects"]] == [2]
 
 
-def test_a_clock_in_another_unit_is_refused(skl: Text) -> None:
-    for unit in (1e-3, 1e4):  # seconds, and the 100 ns of a Kinect v2
-        with pytest.raises(CaptureError, match="expected timestamps in ms, with steps of 5 to 500, found"):
-            nui_skl.read(source_of(skl(8, times_ms=[33 * unit * k for k in range(8)]), PATH))
+@pytest.mark.parametrize("hertz", [15, 30, 60])
+@pytest.mark.parametrize(
+    ("unit", "ticks", "start"),
+    [("s", 1, 0), ("ms", 1000, 0), ("µs", 10**6, 0), ("100 ns", 10**7, 63 * 10**16), ("ns", 10**9, 0)],
+)
+def test_the_unit_of_the_clock_is_told_by_its_steps(
+    skl: Text, unit: str, ticks: int, start: int, hertz: int
+) -> None:
+    clock = [start + k * ticks / hertz if ticks < 10**6 else start + k * ticks // hertz for k in range(8)]
+    clip = nui_skl.read(source_of(skl(8, times_ms=clock), PATH))
+    assert clip.times - clip.times[0] == pytest.approx(np.arange(8) / hertz, abs=2e-5)
+    assert clip.provenance["reading"]["clock"] == unit
+    note = [] if unit == "ms" else [f"times in {unit}, by their steps"]
+    assert clip.provenance["reading"]["notes"] == note
+
+
+def test_a_clock_of_no_kinect_is_refused(skl: Text) -> None:
+    for step in (3.3, 1e12):
+        with pytest.raises(
+            CaptureError, match=r"expected timestamps with steps of 5 to 500 ms, .*, found a median step of"
+        ):
+            nui_skl.read(source_of(skl(8, times_ms=[step * k for k in range(8)]), PATH))
+
+
+def test_dates_are_times(skl: Text) -> None:
+    dates = [f"2019-05-03T23:59:{59 + k / 30:06.3f}" for k in range(20)]
+    dates = [date.replace("03T23:59:60", "04T00:00:00") for date in dates]
+    clip = nui_skl.read(source_of(skl(20, times_ms=dates), PATH))
+    assert clip.times - clip.times[0] == pytest.approx(np.arange(20) / 30, abs=0.002)
+    assert clip.provenance["reading"]["notes"] == ["times of day, with their date"]
+    dates[4] = "noon"
+    with pytest.raises(CaptureError, match=r"line 6: expected a date and time \(ISO 8601\), .* found 'noon'"):
+        nui_skl.read(source_of(skl(20, times_ms=dates), PATH))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.replace("\t", ","),
+        lambda t: t.replace("\t", ";").replace(".", ","),
+        lambda t: t.replace(".", ","),
+        lambda t: "\n".join('"' + line.replace("\t", '","') + '"' for line in t.rstrip().split("\n")),
+        lambda t: "# recorded by Bob\n\n# 2013-01-01\n" + t,
+        lambda t: t.replace("_X", ".x").replace("_Y", ".y").replace("_Z", ".z").replace("timestamp", "Time"),
+        lambda t: t.replace("\t", ",").replace("\n", ",\n"),
+    ],
+    ids=["commas", "semicolons", "decimal commas", "quotes", "comments", "dots", "commas at the end"],
+)
+def test_what_spreadsheets_and_scripts_make_of_the_table(skl: Text, change: Callable[[str], str]) -> None:
+    text = skl().replace("\r\n", "\n")
+    same, clip = (recognise.read_source(source_of(content, PATH)) for content in (text, change(text)))
+    assert clip.provenance["format"] == same.provenance["format"] == "Kinect v1 .skl text"
+    assert np.array_equal(clip.positions, same.positions)
+    assert np.array_equal(clip.times, same.times)
+
+
+def test_a_mistake_below_comments_names_its_line(skl: Text) -> None:
+    text = "# by Bob\n" + skl().replace("\r\n", "\n").replace("\n99\t", "\nx99\t").replace("\t", ";")
+    with pytest.raises(CaptureError, match="line 6: expected a number, found 'x99'"):
+        nui_skl.read(source_of(text, PATH))
+
+
+def test_without_states_and_times(skl: Text) -> None:
+    def bare(names: list[str]) -> list[str]:
+        return [name for name in names if name != "timestamp" and "tracked" not in name]
+
+    clip = nui_skl.read(source_of(skl(columns=bare), PATH))
+    assert (clip.states == 2).all()
+    assert clip.times == pytest.approx(np.arange(40) / 30)
+    reading = clip.provenance["reading"]
+    assert reading["notes"] == ["no time in the file: 30 Hz"]
+    assert reading["assumed_rate"] == {"rate": 30.0, "declared": None, "sensor": "Kinect v1"}
+
+
+def test_tables_of_other_joints_are_not_a_kinects() -> None:
+    names = ["frame", *(f"{joint}_{axis}" for joint in H36M for axis in "xyz")]
+    assert not nui_skl.recognises(source_of(",".join(names) + "\n", PATH))
 
 
 def test_the_clock_is_the_captures_own(skl: Text) -> None:
@@ -101,7 +179,6 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
     [
         (lambda t: t.replace("KneeLeft_Y", "Knee_Y"), "walk.skl, line 1: .* 20 joints .*found 21 joints"),
         (lambda t: t.replace("KneeLeft_Y", "Other"), "walk.skl, line 1: .*found no column KneeLeft_Y$"),
-        (lambda t: t.replace("timestamp", "time"), "no column timestamp"),
         (lambda t: t.replace("\n99\t", "\nx99\t"), "line 5: expected a number, found 'x99'"),
         (lambda t: t.replace("\n99\t", "\nnan\t"), "line 5: expected a timestamp"),
         (lambda t: t.replace("\n99\t", "\n99\t7\t"), "line 5: expected 86 numbers, found 87$"),

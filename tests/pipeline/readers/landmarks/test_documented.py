@@ -49,6 +49,17 @@ def test_freemocap_as_table_and_as_folder(tmp_path: Path) -> None:
         assert np.array_equal(recognise.read(path, rate=60.0).positions, clip.positions)
 
 
+@pytest.mark.parametrize(("name", "ticks"), [("timestamp", 1.0), ("time_ms", 1000.0)])
+def test_freemocap_with_times(name: str, ticks: float) -> None:
+    shown = in_sight(walk(FRAMES))
+    names, *rows = freemocap.table(shown).decode().rstrip().split("\n")
+    timed = [f"{k * ticks / 60:.6f},{row}" for k, row in enumerate(rows)]
+    clip = read("\n".join([f"{name},{names}", *timed]), "body.csv")
+    assert clip.provenance["format"] == "FreeMoCap"
+    assert clip.times == pytest.approx(np.arange(FRAMES) / 60, abs=1e-5)
+    assert np.array_equal(clip.positions, read(freemocap.table(shown).decode(), "body.csv").positions)
+
+
 def test_nuitrack() -> None:
     shown = walk(FRAMES)
     clip = read(nuitrack_csv.files(FRAMES)["skeleton.csv"].decode(), "skeleton.csv")

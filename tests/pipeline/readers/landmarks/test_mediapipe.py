@@ -13,13 +13,16 @@ from samples import mediapipe_json as json_sample
 from samples import source_of
 from samples.motion import walk
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, NUMBER
+from kinemimic.pipeline.readers.landmarks.mediapipe_csv import FORMAT
 
 FRAMES = 30
 UNSEEN = 2
@@ -68,6 +71,43 @@ def test_spellings_of_the_columns(spelling: str) -> None:
             }.get(spelling) or spelling.format(number, field)
             names = names.replace(f"landmark_{number}_{field}", new)
     check(read(f"{names}\n{text}"))
+
+
+def named(points: Array, times: str = "time") -> str:
+    """A table with the landmarks' names, without visibility, at 60 Hz."""
+    names = [times, *(f"{name}_{axis}" for name in LANDMARKS for axis in "xyz")]
+    rows = [
+        ",".join([f"{k / 60:.6f}", *(f"{value:.9g}" for value in row.ravel())])
+        for k, row in enumerate(points)
+    ]
+    return "\n".join([",".join(names), *rows]) + "\n"
+
+
+def test_names_without_visibility_are_not_freemocaps_and_their_times_are_read() -> None:
+    clip = read(named(WORLD))
+    assert clip.provenance["format"] == FORMAT.name
+    assert clip.times == pytest.approx(np.arange(FRAMES) / 60, abs=1e-5)
+    assert clip.provenance["reading"]["notes"][0] == "times in s (time)"
+    untimed = read("\n".join(line.partition(",")[2] for line in named(WORLD).split("\n")))
+    assert np.array_equal(untimed.positions, clip.positions)
+    assert untimed.rate == pytest.approx(30.0)
+
+
+def test_landmarks_in_metres_with_the_way_are_told_by_the_size_of_the_body() -> None:
+    still, moving = read(named(WORLD)), read(named(WORLD + np.array([0.3, -0.9, 4.0])))
+    offset = moving.positions - still.positions
+    assert np.abs(offset - offset[0, 0]).max() < 1e-8
+    assert still.provenance["reading"]["notes"][1].startswith("the hips stay")
+    assert moving.provenance["reading"]["notes"][1].startswith("the hips move")
+    # A treadmill at the origin of the axes, where the depth of the hips tells nothing.
+    assert read(named(WORLD + np.array([0.0, 0.9, 0.0]))).positions.shape == still.positions.shape
+    # In millimetres only if the user says so.
+    frames = [{"world_landmarks": frame.tolist()} for frame in 1000.0 * (WORLD + np.array([0.3, -0.9, 4.0]))]
+    content = json.dumps(frames)
+    with pytest.raises(CaptureError, match=r"a leg of .* image landmarks in pixels"):
+        read(content, "pose.json")
+    clip = recognise.read_source(Source(Path("pose.json"), content.encode(), "", unit="mm"))
+    assert np.abs(clip.positions - moving.positions).max() < 1e-6
 
 
 def long_rows(landmarks: tuple[int, ...]) -> list[list[str]]:
@@ -119,6 +159,22 @@ def test_json_of_lists_in_an_object_with_several_people() -> None:
     check(clip)
     (defect,) = clip.provenance["reading"]["defects"]
     assert (defect["rule"], defect["count"]) == ("several_people", FRAMES - 1)
+
+
+@pytest.mark.parametrize(
+    "stated", [{"fps": 60}, {"video_fps": 60.0}, {"frameRate": 60}, {"metadata": {"frame_rate": 60}}]
+)
+def test_json_with_the_rate_of_the_video(stated: dict[str, object]) -> None:
+    frames = [
+        {"pose_world_landmarks": frame["pose_world_landmarks"]} for frame in json_sample.document(FRAMES)
+    ]
+    clip = read(json.dumps({**stated, "frames": frames}), "pose.json")
+    assert clip.times == pytest.approx(np.arange(FRAMES) / 60)
+    assert clip.provenance["reading"]["notes"][0].startswith("no time in every frame: 60 Hz (")
+    assert read(json.dumps(frames), "pose.json").rate == pytest.approx(30.0)
+    for wrong in (0, "fast", True, [30]):
+        with pytest.raises(CaptureError, match="expected 1 to 1000 frames per second in fps, found"):
+            read(json.dumps({"fps": wrong, "frames": frames}), "pose.json")
 
 
 def test_image_landmarks_are_told_apart_and_refused() -> None:

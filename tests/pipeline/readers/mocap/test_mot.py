@@ -12,6 +12,7 @@ from samples import source_of
 from samples.mot import columns, files, written
 from samples.motion import rigid_walk
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -96,13 +97,38 @@ def test_a_model_whose_knee_is_positive_in_flexion_gives_the_same() -> None:
     assert "negative in flexion" in notes[0] and "positive in flexion" in notes[1]
 
 
+def in_radians(table: dict[str, Array]) -> dict[str, Array]:
+    return {name: v if "_t" in name and name[-2] == "t" else np.radians(v) for name, v in table.items()}
+
+
 def test_radians_and_state_paths() -> None:
     table = columns(FRAMES)
-    radians = {k: v if "_t" in k and k[-2] == "t" else np.radians(v) for k, v in table.items()}
-    text = written(radians, degrees=False).decode()
+    text = written(in_radians(table), degrees=False).decode()
     named = text.replace("\tknee_angle_r\t", "\t/jointset/knee_r/knee_angle_r/value\t")
     for other in (text, named, text.replace("inDegrees=no\n", ""), sample().replace("inDegrees=yes\n", "")):
         np.testing.assert_allclose(clip_of(other).positions, clip_of(sample()).positions, atol=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [True, False])
+def test_angles_in_another_unit_than_the_header_says(degrees: bool) -> None:
+    table = columns(FRAMES)
+    if degrees:
+        table = in_radians(table)
+    clip = clip_of(written(table, degrees=degrees).decode())
+    np.testing.assert_allclose(clip.positions, clip_of(sample()).positions, atol=1e-6)
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["action"]) == ("wrong_units", "repaired")
+    said, read_in = ("degrees", "radians") if degrees else ("radians", "degrees")
+    assert f"declared in {said}" in defect["text"] and f"read in {read_in}" in defect["text"]
+
+
+def test_the_header_is_believed_of_who_stands_still_and_of_one_damaged_number() -> None:
+    still = {name: np.full(FRAMES, 0.9 if "ty" in name else 1.5) for name in columns(FRAMES)}
+    still["knee_angle_r"] = 1.5 + 0.2 * np.sin(np.arange(FRAMES))
+    assert clip_of(written(still).decode()).provenance["reading"]["defects"] == []
+    table = in_radians(columns(FRAMES))
+    table["knee_angle_r"][7] = -80.0
+    assert clip_of(written(table, degrees=False).decode()).provenance["reading"]["defects"] == []
 
 
 def test_joints_without_coordinates_are_omitted() -> None:

@@ -1,0 +1,65 @@
+"""Files that may hold a capture, but not in a form that is read: what they are, and what to do about it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from kinemimic.pipeline.readers.base.npz import array_names
+from kinemimic.pipeline.readers.base.source import Source
+
+
+class Unreadable(NamedTuple):
+    """found: what the file is; advice: what to do."""
+
+    found: str
+    advice: str
+
+
+_UNPACK = "unpack it first (gzip alone is read packed)"
+_VIDEO = "give the video itself to `kinemimic ingest`"
+# Bytes at a place of the file -> what it is.
+_SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
+    (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
+    (b"7z\xbc\xaf\x27\x1c", 0, Unreadable("a 7z archive", _UNPACK)),
+    (b"Rar!\x1a\x07", 0, Unreadable("a RAR archive", _UNPACK)),
+    (b"ustar", 257, Unreadable("a tar archive", _UNPACK)),
+    (b"BZh", 0, Unreadable("a file packed by bzip2", _UNPACK)),
+    (b"\xfd7zXZ\x00", 0, Unreadable("a file packed by xz", _UNPACK)),
+    (b"\x28\xb5\x2f\xfd", 0, Unreadable("a file packed by Zstandard", _UNPACK)),
+    (
+        b"\x93NUMPY",
+        0,
+        Unreadable(
+            "one numpy array, which does not say what its numbers are",
+            "save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
+        ),
+    ),
+)
+# Protocols 2 to 5; older ones are text.
+_PICKLES = tuple(bytes([0x80, protocol]) for protocol in range(2, 6))
+# As the arrays are called by programs that find a body model in pictures, and by AMASS.
+_HUMAN_MESH = {"global_orient": "root_orient", "body_pose": "pose_body", "transl": "trans"}
+_MOST_NAMES = 6
+
+
+def unreadable(source: Source) -> Unreadable | None:
+    """What is known of a file that no reader recognises, or None."""
+    if source.is_text:
+        if '"pose_keypoints_2d"' in "".join(source.head):
+            return Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO)
+        return None
+    if names := array_names(source):
+        return _archive(sorted(names))
+    if source.content.startswith(_PICKLES) and source.content.endswith(b"."):
+        advice = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
+        return Unreadable("a Python pickle, which is not read because it can run any program", advice)
+    return next((what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark), None)
+
+
+def _archive(names: list[str]) -> Unreadable:
+    """Of an .npz archive with arrays of these names."""
+    wanted = "the layout of AMASS has trans and poses, or root_orient and pose_body"
+    if renamed := [f"{old} as {new}" for old, new in _HUMAN_MESH.items() if old in names]:
+        wanted += f": save {', '.join(renamed)}, in axis-angle and metres"
+    shown = ", ".join(name[:40] for name in names[:_MOST_NAMES]) + (" …" if len(names) > _MOST_NAMES else "")
+    return Unreadable(f"an .npz archive of {shown}", wanted)
