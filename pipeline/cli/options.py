@@ -16,7 +16,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 # As in quality/rules/length_units.py, which is too slow to import for --help.
-UNITS = ("m", "cmu", "inch", "cm", "mm")
+UNITS = ("m", "ft", "dm", "cmu", "inch", "cm", "mm")
 # In Hz, as in readers/base/frame_rate.py, for the same reason.
 RATES = (1.0, 1000.0)
 # Metres and degrees, as in readers/video/options.py, for the same reason.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -14,9 +16,10 @@ from kinemimic.pipeline.kinematics.proportions import complete
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 
 # Per node the names to look for, best first, in lower case without punctuation. A * stands for the side:
-# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. The order resolves
-# conflicts between conventions: LeftFoot is the ankle if there is no LeftAnkle, and the foot otherwise;
-# ShoulderLeft is a Kinect's shoulder, but Shoulder_L a clavicle beside UpperArm_L.
+# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. A name in the middle may
+# be marked like a side: C_Hips, Neck_M. The order resolves conflicts between conventions: LeftFoot is the
+# ankle if there is no LeftAnkle, and the foot otherwise; ShoulderLeft is a Kinect's shoulder, but Shoulder_L
+# a clavicle beside UpperArm_L.
 _MIDDLE: dict[str, tuple[str, ...]] = {
     "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
     "spine": (
@@ -25,13 +28,23 @@ _MIDDLE: dict[str, tuple[str, ...]] = {
         "spinenavel",
         "lowerback",
         "spine1",
+        "spine01",
         "chest",
         "abdomen",
+        "ab",
         "torso",
         "waist",
         "spinechest",
     ),
-    "shoulder_center": ("shouldercenter", "spineshoulder", "neck", "neckbase", "lowerneck"),
+    "shoulder_center": (
+        "shouldercenter",
+        "spineshoulder",
+        "neck",
+        "neckbase",
+        "lowerneck",
+        "neck01",
+        "necktwist01",
+    ),
     "head": ("headend", "headtip", "head"),
 }
 _SIDED: dict[str, tuple[str, ...]] = {
@@ -40,10 +53,12 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*arm",
         "*upperarm",
         "*uparm",
+        "*uarm",
         "upperarm*",
         "uparm*",
         "*humerus",
         "humerus*",
+        "*shldr",
         "*shoulder",
         "shoulder*",
     ),
@@ -53,6 +68,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*elbow",
         "*lowerarm",
         "*lowarm",
+        "*farm",
         "lowerarm*",
         "forearm*",
         "*radius",
@@ -105,6 +121,8 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*toebase",
         "*toes",
         "*toe",
+        "*toe0",
+        "ball*",
         "toes*",
         "toe*",
         "*footend",
@@ -115,6 +133,9 @@ _SIDED: dict[str, tuple[str, ...]] = {
 }
 # Metres; nodes nearer to each other have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
+# Metres from the middle of the hips within which the joint that both thighs hang from is the pelvis, not the
+# origin of a scene.
+_PELVIS = 0.25
 # Required; everything else follows from these and one node of the trunk.
 _REQUIRED: tuple[str, ...] = tuple(
     f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
@@ -136,8 +157,15 @@ _SANE: tuple[tuple[str, str, float, float], ...] = (
             ("shoulder_{}", "elbow_{}", 0.10, 0.50),
         )
     ),
-    ("hip_center", "shoulder_center", 0.15, 0.90),
+    ("hip_center", "shoulder_center", 0.10, 0.90),
 )
+# What to do about joints that are not found.
+HOW_TO_NAME = "rename the joints, for instance to LeftUpLeg, LeftLeg, LeftFoot, RightUpLeg and so on"
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first 40 names, for an error."""
+    return f"{', '.join(names[:40])}{' …' if len(names) > 40 else ''}"
 
 
 def normalised(name: str) -> str:
@@ -147,7 +175,8 @@ def normalised(name: str) -> str:
 
 def _candidates(node: str) -> Iterator[str]:
     if node in _MIDDLE:
-        yield from _MIDDLE[node]
+        for name in _MIDDLE[node]:
+            yield from (name, f"c{name}", f"{name}m")
         return
     joint, side = node.rsplit("_", 1)
     for pattern in _SIDED[joint]:
@@ -156,14 +185,46 @@ def _candidates(node: str) -> Iterator[str]:
             yield pattern.replace("*", side[0])
 
 
+_CANDIDATES: dict[str, tuple[str, ...]] = {node: tuple(_candidates(node)) for node in NODES}
+
+
 def joints_by_name(names: tuple[str, ...]) -> dict[str, int]:
     """Joint index of every node that is found by name alone; no joint serves two nodes."""
+    return _joints_of_words(words(names))
+
+
+def words(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The joints' normalised names without what a tool puts before each ("Bip01 L Thigh", "DEF-thigh.L").
+
+    If legs are not found otherwise, the part left out is the one that at least six joints share, as two legs
+    do, and without which most of them are found. A joint that lacks it keeps its name.
+    """
+    plain = tuple(map(normalised, names))
+    if _leg_joints(plain) == len(_REQUIRED):
+        return plain
+    parts = Counter(part for name in names for part in _leading_parts(name))
+    shared = [part for part, count in parts.items() if count >= len(_REQUIRED)]
+    shorter = (tuple(word.removeprefix(part) for word in plain) for part in shared)
+    return max([plain, *shorter], key=_leg_joints)
+
+
+def _leg_joints(words: Sequence[str]) -> int:
+    return len(_joints_of_words(words).keys() & set(_REQUIRED))
+
+
+def _leading_parts(name: str) -> set[str]:
+    """What a name begins with, up to each of its first separators or capital letters, normalised."""
+    ends = re.finditer(r"[^A-Za-z0-9]+|(?<=[a-z0-9])(?=[A-Z])", name)
+    return {normalised(name[: end.start()]) for end in islice(ends, 4)}
+
+
+def _joints_of_words(words: Sequence[str]) -> dict[str, int]:
     index: dict[str, int] = {}
-    for joint, name in enumerate(names):
-        index.setdefault(normalised(name), joint)
+    for joint, word in enumerate(words):
+        index.setdefault(word, joint)
     found: dict[str, int] = {}
     for node in NODES:
-        for candidate in _candidates(node):
+        for candidate in _CANDIDATES[node]:
             if candidate in index and index[candidate] not in found.values():
                 found[node] = index[candidate]
                 break
@@ -213,8 +274,9 @@ def joints_of(clip: Clip) -> dict[str, int]:
         names = clip.skeleton.names
         raise KinemimicError(
             "expected joints for hips, knees, ankles and a trunk, found none for "
-            f"{', '.join(lacking)} among {', '.join(names[:40])}{' …' if len(names) > 40 else ''}"
+            f"{', '.join(lacking)} among {listed(names)}; {HOW_TO_NAME}"
         )
+    _take_pelvis(clip, found)
     _prefer(clip, found)
     for node, start in _BEYOND.items():
         if node in found and start in found:
@@ -222,6 +284,29 @@ def joints_of(clip: Clip) -> dict[str, int]:
             if _length(*ends) < _APART:
                 del found[node]
     return found
+
+
+def _take_pelvis(clip: Clip, found: dict[str, int]) -> None:
+    """Take the joint that both thighs hang from for hip_center, if no joint of that name is nearer to the
+    hips: Blender's root is called "spine", and a "root" may be the origin of the scene.
+    """
+    left, right = (ancestors(clip.skeleton.parents, found[f"hip_{side}"]) for side in ("left", "right"))
+    shared = next((joint for joint in left if joint in right), None)
+    if shared is None:
+        return
+    hips = 0.5 * (clip.positions[:, found["hip_left"]] + clip.positions[:, found["hip_right"]])
+    named = found.get("hip_center")
+    nearest = _PELVIS if named is None else _length(clip.positions[:, named], hips)
+    if _length(clip.positions[:, shared], hips) < nearest:
+        found["hip_center"] = shared
+
+
+def ancestors(parents: tuple[int, ...], joint: int) -> list[int]:
+    """The joints that a joint hangs from, the nearest first."""
+    way: list[int] = []
+    while (joint := parents[joint]) >= 0:
+        way.append(joint)
+    return way
 
 
 def _prefer(clip: Clip, found: dict[str, int]) -> None:
@@ -233,13 +318,11 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
 
     top = next((found[node] for node in ("shoulder_left", "shoulder_center", "head") if node in found), None)
     if "spine" in found and "hip_center" in found and top is not None:
-        hips, trunk = found["hip_center"], [parents[top]]
-        while trunk[-1] >= 0 and trunk[-1] != hips:
-            trunk.append(parents[trunk[-1]])
-        if distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
+        hips, trunk = found["hip_center"], ancestors(parents, top)
+        if distance(hips, found["spine"]) < _APART and hips in trunk:
             # CMU puts the lower back at the hips: take the next joint up that does not coincide with them.
-            apart = (j for j in trunk[-2::-1] if distance(hips, j) >= _APART)
-            found["spine"] = next(apart, found["spine"])
+            above = reversed(trunk[: trunk.index(hips)])
+            found["spine"] = next((j for j in above if distance(hips, j) >= _APART), found["spine"])
     head = found.get("head")
     if head is None or parents[head] < 0 or normalised(names[head]) not in ("headend", "headtip"):
         return

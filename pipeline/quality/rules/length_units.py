@@ -10,13 +10,15 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.nodes import HOW_TO_NAME, ancestors, joints_by_name, listed
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Name -> metres. "CMU" is the inch of the CMU library divided by the 0.45 of its skeleton files.
 UNITS: dict[str, float] = {
     "m": 1.0,
+    "ft": 0.3048,
+    "dm": 0.1,
     "CMU (0.056444 m)": 0.0254 / 0.45,
     "inch": 0.0254,
     "cm": 0.01,
@@ -28,8 +30,8 @@ UNIT_OPTIONS: dict[str, str] = {name.split()[0].lower(): name for name in UNITS}
 SET_BY_USER = "set by --unit"
 # Thigh plus shank in metres: of anybody who walks, from a toddler of 0.81 m to a giant of 2.44 m …
 LEG_RANGE = (0.40, 1.20)
-# … and of most people, from a child of 1.22 m to a man of 2.04 m. Units differ by factors of 2.2 or more, so
-# no two of them put one leg into this range.
+# … and of most people, from a child of 1.22 m to a man of 2.04 m. Units differ by factors of 1.77 or more,
+# so no two of them put one leg into this range.
 USUAL_LEG = (0.60, 1.00)
 # Error -> correction factor, for files that were read in the wrong unit.
 FACTORS: dict[str, float] = {
@@ -61,7 +63,14 @@ def parse_unit(spelt: str | None) -> str | None:
     return None if spelt is None else UNIT_OPTIONS[spelt]
 
 
-def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str | None = None) -> Unit:
+def infer_unit(
+    names: tuple[str, ...],
+    parents: tuple[int, ...],
+    offsets: Array,
+    path: Path,
+    *,
+    named: str | None = None,
+) -> Unit:
     """The unit that the user gave, or else the most plausible unit for the skeleton's legs.
 
     named: the user's unit, a key of UNITS; offsets: (T, J, 3) of each joint from its parent in the file's
@@ -70,18 +79,22 @@ def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str
     if named is not None:
         return Unit(UNITS[named], named, SET_BY_USER, [])
     found = joints_by_name(names)
-    wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("knee", "ankle")]
+    wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
     missing = [node for node in wanted if node not in found]
     if missing:
         raise CaptureError(
             path,
             expected="joints named as legs, to infer the unit of length",
-            found=f"no {', '.join(missing)} among {', '.join(names[:8])}{' …' if len(names) > 8 else ''}",
-            advice="set it with --unit",
+            found=f"no {', '.join(missing)} among {listed(names)}",
+            advice=HOW_TO_NAME,
         )
     some = offsets[:: len(offsets) // _SAMPLE_FRAMES + 1]
-    legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
-    leg = float(sum(legs)) / 2.0
+    bones = [
+        np.median(np.linalg.norm(some[:, joint], axis=-1))
+        for side in ("left", "right")
+        for joint in _below(found[f"hip_{side}"], found[f"ankle_{side}"], parents)
+    ]
+    leg = float(sum(bones)) / 2.0
     possible = plausible_units(leg, UNITS)
     if not possible:
         raise CaptureError(
@@ -94,6 +107,12 @@ def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str
     return Unit(
         metres, name, f"thigh and shank {whose}", unit_ambiguity(leg, possible, UNITS, joints=len(names))
     )
+
+
+def _below(hip: int, ankle: int, parents: tuple[int, ...]) -> list[int]:
+    """The joints from the ankle up to the one below the hip: the knee, and those for twist in between."""
+    way = [ankle, *ancestors(parents, ankle)]
+    return way[: way.index(hip)] if hip in way else way[:2]
 
 
 def plausible_units(leg: float, units: Mapping[str, float]) -> list[str]:
@@ -127,13 +146,14 @@ def unit_correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
 def unit_ambiguity(
     leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int
 ) -> list[Defect]:
-    """A flagged defect if a leg has a human length in several units, and a usual one in none."""
-    if len(possible) < 2 or _usual(leg * units[possible[0]]):
+    """A flagged defect if the leg is unusual in the unit chosen (the first of `possible`)."""
+    if not possible or _usual(leg * units[possible[0]]):
         return []
-    (chosen, tall), (other, taller) = ((name, leg * units[name] / (THIGH + SHANK)) for name in possible[:2])
+    people = [f"of {leg * units[name] / (THIGH + SHANK):.2f} m in {name}" for name in possible[:2]]
+    why = ", since children are more likely" if len(possible) > 1 else ""
     text = (
-        f"thigh plus shank measure {leg:.4g}: in {chosen} a person of {tall:.2f} m, in {other} of "
-        f"{taller:.2f} m; read in {chosen}, since children are more likely; set the unit with --unit"
+        f"thigh plus shank measure {leg:.4g}: a person {', '.join(people)}; read in {possible[0]}"
+        f"{why}; if that is wrong, set the unit with --unit"
     )
     return [Defect("wrong_units", joints, "joints", "flagged", text)]
 

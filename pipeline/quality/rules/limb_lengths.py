@@ -3,7 +3,8 @@
 The bounds describe tracked skeletons, not anatomy: a Kinect v1 puts the hip joint too high (thigh up to 1.4
 times the shank), a Kinect v2 too low (leg down to 1.2 times the trunk), and model-fitted skeletons have a
 trunk a third too short. A smaller body may be a child, but then it has a child's proportions; a tracker that
-took a machine for legs does not show them.
+took a machine for legs does not show them. A skeleton whose bones keep their lengths was not tracked frame by
+frame, but fitted to a person, or made: its proportions are its maker's.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ CHILD_LEG = 0.60
 CHILD_THIGH_TO_SHANK = (0.75, 1.40)
 CHILD_LEG_TO_TRUNK = (1.00, 2.15)
 CHILD_SPREAD = 0.12
+# Spread of a leg bone's length up to which a skeleton is rigid: rounding, no measurement.
+RIGID_SPREAD = 1e-3
 # Limits of a bone's relative length: robust spread, and change from the first to the last fifth of the clip.
 # A Kinect v1 walk has spreads of 0.06 to 0.12 and, as limbs turn relative to the sensor, trends of 0.15.
 MAX_SPREAD = 0.15
@@ -64,10 +67,10 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
     ]
     thigh, shank = (0.5 * (medians[f"left {bone}"] + medians[f"right {bone}"]) for bone in ("thigh", "shank"))
     leg = thigh + shank
-    if not wrong and leg < CHILD_LEG:
-        spread = max(
-            _spread(bones[f"{side} {bone}"]) for side in ("left", "right") for bone in ("thigh", "shank")
-        )
+    spread = max(
+        _spread(bones[f"{side} {bone}"]) for side in ("left", "right") for bone in ("thigh", "shank")
+    )
+    if not wrong and leg < CHILD_LEG and spread > RIGID_SPREAD:
         if not _within(thigh / shank, CHILD_THIGH_TO_SHANK):
             wrong.append(f"thigh {thigh / shank:.2f} times the shank")
         if not np.isnan(trunk) and not _within(leg / trunk, CHILD_LEG_TO_TRUNK):

@@ -3,9 +3,9 @@
 Toes and knees show forward, the trunk shows up, hips and shoulders show left; in a mirror image these
 directions disagree. The cause is left-handed axes read as right-handed, or left and right names swapped; the
 points alone cannot tell which. The names were written by a person, but the axes were assumed by a program, so
-the names are kept and the points are reflected in the plane Y = 0. If the names were wrong instead, the
-curves of the left leg are those of the right. Euler captures, and bodies whose knees never bend clearly, are
-only flagged.
+the names are kept and the body is reflected: points in the plane Y = 0, Euler channels along a level axis of
+their file. If the names were wrong instead, the curves of the left leg are those of the right. Bodies whose
+knees never bend clearly are only flagged.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import to_matrix
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 
@@ -49,16 +50,39 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     if not by_knees:
         text = f"{found}, but no knee bends clearly; sitting on the heels looks the same; left as recorded"
         return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
-    if clip.euler is not None:
-        text = f"{found}; left as recorded: Euler channels cannot express a reflection"
-        return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
     dropped = "; recorded rotations are dropped" if clip.rotations is not None else ""
     text = f"{found}; reflected left to right, names kept{dropped}"
+    return reflected(clip), [Defect("mirrored", frames, "frames", "repaired", text)]
+
+
+def reflected(clip: Clip) -> Clip:
+    """The mirror image of a clip, left to right, under the same names; without recorded quaternions, which a
+    sensor computed for the other side.
+    """
+    if clip.euler is not None:
+        return _reflected_channels(clip)
     skeleton = replace(clip.skeleton, offsets=clip.skeleton.offsets * _REFLECTION)
-    mirrored = replace(
-        clip, skeleton=skeleton, positions=clip.positions * _REFLECTION, rotations=None, translations=None
+    positions = clip.positions * _REFLECTION
+    return replace(clip, skeleton=skeleton, positions=positions, rotations=None, translations=None)
+
+
+def _reflected_channels(clip: Clip) -> Clip:
+    """Of the frames of all joints one axis of the file is reversed, and each turn about another axis."""
+    assert clip.euler is not None and clip.orders is not None and clip.translations is not None  # noqa: S101
+    to_world = to_matrix(clip.world_from_file)
+    axis = int(np.argmin(np.abs(to_world[2])))  # the most level one: nobody is turned upside down
+    mirror = np.ones(3)
+    mirror[axis] = -1.0
+    turns = [[1.0 if letter == "XYZ"[axis] else -1.0 for letter in order or "XYZ"] for order in clip.orders]
+    return replace(
+        clip,
+        skeleton=replace(clip.skeleton, offsets=clip.skeleton.offsets * mirror),
+        positions=clip.positions @ (to_world * mirror @ to_world.T),
+        euler=clip.euler * np.array(turns),
+        translations=clip.translations * mirror,
+        rests=None if clip.rests is None else clip.rests * [*-mirror, 1.0],
+        rotations=None,
     )
-    return mirrored, [Defect("mirrored", frames, "frames", "repaired", text)]
 
 
 def foot_and_knee_directions(clip: Clip) -> tuple[Array, Array]:

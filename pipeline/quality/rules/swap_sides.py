@@ -9,15 +9,16 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import normalised
+from kinemimic.pipeline.kinematics.nodes import words
 
 
 def opposite_sides(names: tuple[str, ...]) -> list[int]:
     """Index (J,) of each name's counterpart on the other side; a midline name is its own counterpart."""
-    index = {normalised(name): position for position, name in enumerate(names)}
+    known = words(names)
+    index = {word: position for position, word in enumerate(known)}
     return [
-        next((index[other] for other in _renamed(normalised(name)) if other in index), position)
-        for position, name in enumerate(names)
+        next((index[other] for other in _renamed(word) if other in index), position)
+        for position, word in enumerate(known)
     ]
 
 

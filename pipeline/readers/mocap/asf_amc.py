@@ -80,7 +80,7 @@ def read(source: Source) -> Clip:
     values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
 
     names, parents, rests, offsets = _joints(text)
-    unit = infer_unit(names, offsets[None], skeleton_source.path, named=source.unit)
+    unit = infer_unit(names, parents, offsets[None], skeleton_source.path, named=source.unit)
     skeleton = Skeleton(names, parents, offsets * unit.metres)
     orders, euler, root = _channels(text, values, len(names), degrees)
     translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()

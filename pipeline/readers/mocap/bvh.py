@@ -2,7 +2,8 @@
 
 A joint's rotation is the product of its rotation channels in the order of the file, each in the frame rotated
 by the one before (intrinsic). Position channels replace the joint's OFFSET and are not added to it: Kinect
-exporters (Brekel) write both, and adding them would double every bone. The file's world is Y up.
+exporters (Brekel) write both, and adding them would double every bone. Scale channels are not applied: bones
+have the lengths of the hierarchy. The file's world is Y up.
 """
 
 from __future__ import annotations
@@ -56,15 +57,17 @@ def read(source: Source) -> Clip:
         )
     orders, euler, offsets = channels(bvh)
     names = tuple(joint.name for joint in bvh.joints)
-    unit = infer_unit(names, offsets, source.path, named=source.unit)
-    translations = offsets * unit.metres
     parents = tuple(joint.parent for joint in bvh.joints)
+    unit = infer_unit(names, parents, offsets, source.path, named=source.unit)
+    translations = offsets * unit.metres
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)
     first, note = calibration_frames(euler, orders)
     defects = unit.defects
     if first:
         defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
     notes = ["the numbers have decimal commas"] if bvh.commas else []
+    if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
+        notes.append("the file has scale channels, which are not applied")
     if bvh.declared > len(euler):
         count = bvh.declared - len(euler)
         text = f"the file declares {bvh.declared} frames but has {len(euler)}: it may be cut off"
@@ -108,7 +111,7 @@ def channels(bvh: BvhText) -> tuple[tuple[str, ...], Array, Array]:
             if name.endswith("rotation"):
                 rotation_columns[3 * index + len(order)] = column
                 order += name[0]
-            else:
+            elif name.endswith("position"):
                 position_columns[3 * index + _AXES.index(name[0])] = column
             column += 1
         orders.append(order + "".join(axis for axis in _AXES if order and axis not in order))

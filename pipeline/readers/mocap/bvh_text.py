@@ -18,7 +18,9 @@ MAX_JOINTS = 1024
 MAX_JOINT_FRAMES = 50_000_000
 # In any unit and in degrees. Larger numbers are damage, and would overflow later.
 MAX_NUMBER = 1e9
-CHANNELS: tuple[str, ...] = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+CHANNELS: tuple[str, ...] = tuple(
+    f"{axis}{kind}" for kind in ("position", "rotation", "scale") for axis in "XYZ"
+)
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 
 
@@ -231,8 +233,8 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
 
 def _channels(tokens: _Tokens) -> tuple[str, ...]:
     count = tokens.next("the number of channels")
-    if count.text not in {str(n) for n in range(7)}:
-        raise tokens.error(count, "0 to 6 channels")
+    if count.text not in {str(n) for n in range(len(CHANNELS) + 1)}:
+        raise tokens.error(count, f"0 to {len(CHANNELS)} channels")
     names: list[str] = []
     for _ in range(int(count.text)):
         token = tokens.next("a channel")

@@ -81,7 +81,9 @@ def test_a_unit_that_makes_no_sense_is_one_line(
     assert f"{SET_BY_USER}; it would be 0.44 m in cm or 1.12 m in inch" in error
     assert not (tmp_path / "run").exists()
     assert command("inspect", child, "--unit", unit) == 2
-    with pytest.raises(KinemimicError, match="expected a unit among m, cmu, inch, cm, mm, found 'furlong'"):
+    with pytest.raises(
+        KinemimicError, match="expected a unit among m, ft, dm, cmu, inch, cm, mm, found 'furlong'"
+    ):
         read(child, unit="furlong")
 
 

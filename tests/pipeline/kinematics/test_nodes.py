@@ -135,6 +135,57 @@ def test_the_bodies_of_opensim() -> None:
     assert (found["hip_center"], found["spine"]) == ("pelvis", "torso")
 
 
+@pytest.mark.parametrize(
+    ("hips", "thigh", "shank", "foot", "forearm"),
+    [
+        ("Bip01_Pelvis", "Bip01_*_Thigh", "Bip01_*_Calf", "Bip01_*_Foot", "Bip01_*_Forearm"),
+        ("Bip001 Pelvis", "Bip001 * Thigh", "Bip001 * Calf", "Bip001 * Foot", "Bip001 * Forearm"),
+        (
+            "Bob:Bip01 Pelvis",
+            "Bob:Bip01 * Thigh",
+            "Bob:Bip01 * Calf",
+            "Bob:Bip01 * Foot",
+            "Bob:Bip01 * Forearm",
+        ),
+        ("mixamorig_Hips", "mixamorig_*UpLeg", "mixamorig_*Leg", "mixamorig_*Foot", "mixamorig_*ForeArm"),
+        ("mixamorigHips", "mixamorig*UpLeg", "mixamorig*Leg", "mixamorig*Foot", "mixamorig*ForeArm"),
+        ("Skeleton_Hip", "Skeleton_*Thigh", "Skeleton_*Shin", "Skeleton_*Foot", "Skeleton_*FArm"),
+        ("DEF-hips", "DEF-thigh.*", "DEF-shin.*", "DEF-foot.*", "DEF-forearm.*"),
+        ("J_Bip_C_Hips", "J_Bip_*_UpperLeg", "J_Bip_*_LowerLeg", "J_Bip_*_Foot", "J_Bip_*_LowerArm"),
+        ("CC_Base_Hip", "CC_Base_*_Thigh", "CC_Base_*_Calf", "CC_Base_*_Foot", "CC_Base_*_Forearm"),
+        ("Root_M", "Hip_*", "Knee_*", "Ankle_*", "Elbow_*"),
+    ],
+)
+def test_what_a_tool_puts_before_every_name(
+    hips: str, thigh: str, shank: str, foot: str, forearm: str
+) -> None:
+    # A scene's own nodes have other prefixes, or none.
+    joints = ("Scene", hips, *(name.replace("*", s) for s in "LR" for name in (thigh, shank, foot, forearm)))
+    joints += tuple(f"J_Sec_Hair{k}" for k in range(7))
+    found = joints_by_name(joints)
+    for k, node in enumerate(("hip", "knee", "ankle", "elbow")):
+        assert (found[f"{node}_left"], found[f"{node}_right"]) == (2 + k, 6 + k)
+    assert found["hip_center"] == 1
+
+
+def test_both_thighs_hang_from_the_pelvis_whatever_its_name(bvh: Text) -> None:
+    """Blender's Rigify counts the spine from the pelvis, below a root on the floor."""
+    named = to_nodes(reader.read(source_of(bvh(), PATH)))[0]
+    rigify = bvh().replace("JOINT Spine ", "JOINT spine.001 ").replace("ROOT Hips", "ROOT spine")
+    assert np.array_equal(to_nodes(reader.read(source_of(rigify, PATH)))[0], named)
+    floor = "ROOT root { OFFSET 0 0 0 CHANNELS 0 JOINT spine"
+    clip = reader.read(
+        source_of(rigify.replace("ROOT spine", floor).replace("}\nMOTION", "} }\nMOTION"), PATH)
+    )
+    assert np.allclose(to_nodes(clip)[0], named, atol=1e-12)
+
+
+def test_the_origin_of_a_scene_is_no_pelvis(node_clip: Build) -> None:
+    clip = rename(node_clip(), "hip_center", "Armature")
+    clip.positions[:, 0] = 0.0
+    assert "hip_center" in derived_nodes(clip)
+
+
 def test_the_nodes_themselves(node_clip: Build) -> None:
     clip = node_clip()
     positions, states = to_nodes(clip)

@@ -39,6 +39,13 @@ def test_children_pass_and_fused_legs_do_not(moving: Moving) -> None:
     assert "times the shank" in found.text
 
 
+def test_a_rigid_skeleton_of_a_child_has_its_makers_proportions(moving: Moving) -> None:
+    """CMU's, at 0.6 of its size, has legs of 2.19 times the trunk, as it has at full size."""
+    adult = shortened(moving(120), 0.72, "ankle", "knee")
+    for size in (1.0, 0.75):
+        assert limb_lengths.detect(scaled(adult, size)) == []
+
+
 def test_a_child_before_a_noisy_sensor_is_no_machine(moving: Moving) -> None:
     found = limb_lengths.detect(scaled(moving(240, noise=0.045), 0.7))
     assert {defect.rule for defect in found} <= {"bone_drift"}

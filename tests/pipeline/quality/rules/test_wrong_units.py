@@ -51,7 +51,7 @@ def test_units_that_fit_twice_are_flagged_those_that_fit_never_refused(moving: M
     child, found = wrong_units.repair(scaled(clip, 45.0 / leg))
     np.testing.assert_allclose(child.positions, clip.positions * (0.45 / leg), atol=1e-9)
     assert [one.action for one in found] == ["repaired", "flagged"]
-    assert "lengths are centimetres" in found[0].text and "in inches of 2.33 m" in found[1].text
+    assert "lengths are centimetres" in found[0].text and "of 2.33 m in inches; read in" in found[1].text
     assert wrong_units.repair(scaled(clip, 4.0 / leg))[1][0].action == "refused"
     assert wrong_units.repair(scaled(clip, 0.5 / leg))[1] == []  # a child in metres
 
