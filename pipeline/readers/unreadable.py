@@ -16,6 +16,8 @@ class Unreadable(NamedTuple):
 
 
 _UNPACK = "unpack it first (gzip alone is read packed)"
+# The name of a part of every spreadsheet of Excel, which is a ZIP archive.
+_SHEET = b"xl/workbook.xml"
 _VIDEO = "give the video itself to `kinemimic ingest`"
 # Bytes at a place of the file -> what it is.
 _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
@@ -50,6 +52,8 @@ def unreadable(source: Source) -> Unreadable | None:
         return None
     if names := array_names(source):
         return _archive(sorted(names))
+    if _SHEET in source.content:
+        return Unreadable("a spreadsheet of Excel", "save the sheet as CSV")
     if source.content.startswith(_PICKLES) and source.content.endswith(b"."):
         advice = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
         return Unreadable("a Python pickle, which is not read because it can run any program", advice)

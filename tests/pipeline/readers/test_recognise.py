@@ -135,10 +135,10 @@ def archive(**arrays: object) -> bytes:
     return buffer.getvalue()
 
 
-def zipped(content: bytes) -> bytes:
+def zipped(content: bytes, name: str = "walk.bvh") -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as packed:
-        packed.writestr("walk.bvh", content)
+        packed.writestr(name, content)
     return buffer.getvalue()
 
 
@@ -164,6 +164,7 @@ WALK = b"HIERARCHY " * 100
     ("content", "says"),
     [
         (zipped(WALK), "a ZIP archive; unpack it first"),
+        (zipped(WALK, "xl/workbook.xml"), "a spreadsheet of Excel; save the sheet as CSV"),
         (tarred(WALK), "a tar archive; unpack it first"),
         (bz2.compress(WALK), "a file packed by bzip2; unpack it first"),
         (lzma.compress(WALK), "a file packed by xz; unpack it first"),
