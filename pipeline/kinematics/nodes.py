@@ -292,7 +292,8 @@ def _take_pelvis(clip: Clip, found: dict[str, int]) -> None:
     """
     left, right = (ancestors(clip.skeleton.parents, found[f"hip_{side}"]) for side in ("left", "right"))
     shared = next((joint for joint in left if joint in right), None)
-    if shared is None:
+    # A tree that was drawn up for a table without a pelvis hangs the thighs from its only spine.
+    if shared is None or (shared == found.get("spine") and not _trunk(clip, found, shared)):
         return
     hips = 0.5 * (clip.positions[:, found["hip_left"]] + clip.positions[:, found["hip_right"]])
     named = found.get("hip_center")
@@ -309,6 +310,15 @@ def ancestors(parents: tuple[int, ...], joint: int) -> list[int]:
     return way
 
 
+def _trunk(clip: Clip, found: dict[str, int], pelvis: int) -> list[int]:
+    """The joints from the pelvis up to the shoulders (or neck, or head) that serve no other node."""
+    top = next((found[node] for node in ("shoulder_left", "shoulder_center", "head") if node in found), None)
+    above = [] if top is None else ancestors(clip.skeleton.parents, top)
+    if pelvis not in above:
+        return []
+    return [joint for joint in reversed(above[: above.index(pelvis)]) if joint not in found.values()]
+
+
 def _prefer(clip: Clip, found: dict[str, int]) -> None:
     """Prefer a spine above the hips and a head off the neck, if the skeleton has them."""
     names, parents = clip.skeleton.names, clip.skeleton.parents
@@ -316,13 +326,12 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
     def distance(a: int, b: int) -> float:
         return _length(clip.positions[:, a], clip.positions[:, b])
 
-    top = next((found[node] for node in ("shoulder_left", "shoulder_center", "head") if node in found), None)
-    if "spine" in found and "hip_center" in found and top is not None:
-        hips, trunk = found["hip_center"], ancestors(parents, top)
-        if distance(hips, found["spine"]) < _APART and hips in trunk:
+    if "spine" in found and "hip_center" in found:
+        hips = found["hip_center"]
+        if distance(hips, found["spine"]) < _APART:
             # CMU puts the lower back at the hips: take the next joint up that does not coincide with them.
-            above = reversed(trunk[: trunk.index(hips)])
-            found["spine"] = next((j for j in above if distance(hips, j) >= _APART), found["spine"])
+            above = (joint for joint in _trunk(clip, found, hips) if distance(hips, joint) >= _APART)
+            found["spine"] = next(above, found["spine"])
     head = found.get("head")
     if head is None or parents[head] < 0 or normalised(names[head]) not in ("headend", "headtip"):
         return
