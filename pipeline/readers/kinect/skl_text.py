@@ -3,7 +3,7 @@
 Four columns per joint, `Name_X Name_Y Name_Z Name_tracked`, among others (timestamp, framenum, gyro, floor).
 tracked: 0 not tracked, 1 inferred, 2 tracked. The recorders separate columns by tabs. What people make of
 such files is read too: commas or semicolons between columns, decimal commas, quotes, comments (#) above the
-header, `Name.x`, no states, times in another unit or as dates, no times.
+header, `Name.x`, times in another unit or as dates, no times.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
@@ -52,9 +51,13 @@ class Header:
 
 
 def joint_columns(source: Source) -> list[str]:
-    """The lower-case joint names for which the header has columns, one entry per column."""
+    """The lower-case joint names for which the header has columns, one entry per column.
+
+    None if it has no states: such a table may come from anywhere, in any unit and axes.
+    """
     header = next((line for line in source.head if not line.startswith(_COMMENT)), "")
-    return [match.group(1) for name in _names(header) if (match := _COLUMN.match(name.lower()))]
+    found = [match for name in _names(header) if (match := _COLUMN.match(name.lower()))]
+    return [match[1] for match in found] if any(match[2] == "tracked" for match in found) else []
 
 
 def is_kinect_v2(joints: Sequence[str]) -> bool:
@@ -104,18 +107,16 @@ def frames_of(
     """The frames of the given joints (J,), in that order; every column is found by its name.
 
     sensor: its name; usual_clocks: units (keys of CLOCKS) in which its recorders write times; another one
-    has a note. Without states, every joint counts as tracked. Without times, the frames are the sensor's 30
-    a second, which the gait must confirm (`quality/rules/assumed_rate.py`). Raises CaptureError for a missing
-    column and for values that the column cannot have.
+    has a note. Without times, the frames are the sensor's 30 a second, which the gait must confirm
+    (`quality/rules/assumed_rate.py`). Raises CaptureError for a missing column and for values that the column
+    cannot have.
     """
-    with_states = any(name.endswith("_tracked") for name in header.columns)
-    fields = FIELDS if with_states else FIELDS[:3]
     columns = require_columns(
         header.columns,
-        [f"{joint}_{field}" for joint in joints for field in fields],
+        [f"{joint}_{field}" for joint in joints for field in FIELDS],
         source,
         header.line,
-        expected=f"{', '.join(fields)} of {len(joints)} joints",
+        expected=f"{', '.join(FIELDS)} of {len(joints)} joints",
         key=str.lower,
     )
     table = parse_table(
@@ -125,14 +126,11 @@ def frames_of(
     contiguous = columns == list(range(start, start + len(columns)))
     # A slice is a view; a list of columns copies every number.
     chosen = table.values[:, start : start + len(columns)] if contiguous else table.values[:, columns]
-    values = chosen.reshape(len(chosen), len(joints), len(fields))
+    values = chosen.reshape(len(chosen), len(joints), len(FIELDS))
     points = values[..., :3]
-    if with_states:
-        check_states(values[..., 3], joints, lambda frame: f"line {table.line(frame)}", source)
-        states = values[..., 3].astype(np.uint8)
-    else:
-        states = np.full(points.shape[:2], TRACKED, dtype=np.uint8)
+    check_states(values[..., 3], joints, lambda frame: f"line {table.line(frame)}", source)
     refuse_remote(points, joints, source, table.line)
+    states = values[..., 3].astype(np.uint8)
     if header.clock is None:
         doubt = {"rate": RATE, "declared": None, "sensor": sensor}
         notes = [f"no time in the file: {RATE:g} Hz"]
