@@ -16,6 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton
 from kinemimic.pipeline.quality.passes import find_passes, with_passes
 from kinemimic.pipeline.quality.rules import swapped_limbs
+from kinemimic.pipeline.quality.rules.swap_sides import opposite_sides
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 
@@ -137,3 +138,9 @@ def test_recall_and_precision_on_the_virtual_kinect(tmp_path: Path) -> None:
         true, found, hit = true + swapped.sum(), found + detected.sum(), hit + (swapped & detected).sum()
     assert true > 30
     assert hit >= 0.8 * true and hit >= 0.8 * found
+
+
+def test_the_side_may_be_in_the_middle_of_a_name() -> None:
+    bones = ("Thigh", "Calf", "Foot")
+    names = ("Bip01 Pelvis", *(f"Bip01 {side} {bone}" for side in "LR" for bone in bones))
+    assert opposite_sides(names) == [0, 4, 5, 6, 1, 2, 3]
