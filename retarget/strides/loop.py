@@ -250,10 +250,10 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     and the common series are fitted alternately, because a pass is not a whole number of strides.
     """
     hips = strides.positions[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]]
-    seen = np.isfinite(hips).all(axis=-1)
+    seen = np.isfinite(hips[..., 0])
     center = np.where(seen[..., None], hips, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None]
     weights = strides.weights[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]].min(axis=1)
-    weights = np.where(seen.any(axis=1), weights, 0.0)
+    weights = np.where(seen.any(axis=-1), weights, 0.0)
     center = np.where(weights[:, None] > 0, center, 0.0)
     _, group = np.unique(strides.group, return_inverse=True)
 
