@@ -19,6 +19,7 @@ SHORT = "ahead, with fewer samples than in the paper"
 SAME, OTHER = "as in the paper", "other"
 EARLIER, LATER = "earlier", "later"
 INCOMPARABLE = "not comparable"
+UNTRAINED = "no comparison: not trained on this task"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
-from kinemimic.evaluate.paper.claim import NOT_CONFIRMED, Best, Better, Claim, Failing
+from kinemimic.evaluate.paper.claim import NOT_CONFIRMED, UNTRAINED, Best, Better, Claim, Failing
 from kinemimic.evaluate.paper.claims_learning import EPISODE, TRAINED, losses, rewards, settings
 from kinemimic.evaluate.paper.plan import AMONG, BALL, BASELINES, OURS, PPO, SEVERAL
 from kinemimic.pipeline.arrays import Array
@@ -88,7 +88,12 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
     for figure, scenario, *leads in _FALLS:
         among = AMONG if scenario == SEVERAL else ""
         for name, lead in zip(BASELINES, leads, strict=True):
-            found = _ahead(by[PPO + among, scenario], by[name + among, scenario], name, "fall_s")
+            theirs = by.get((name + among, scenario))
+            found = (
+                {"ours": None, "reason": UNTRAINED}
+                if theirs is None
+                else _ahead(by[PPO + among, scenario], theirs, name, "fall_s")
+            )
             yield _lead(figure, f"PPO's reward is 0 later than {name}'s by", fall, "s", lead, found)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile
-from kinemimic.evaluate.paper.claim import LOSS, SETTING, Best, Better, Claim
+from kinemimic.evaluate.paper.claim import LOSS, SETTING, UNTRAINED, Best, Better, Claim
 from kinemimic.evaluate.paper.plan import BASELINES, LONGER, OBSTACLES, OURS, PPO, RUN, VARIANTS, WALK
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.policies.shipped import RECORD
@@ -105,6 +105,10 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
             yield Claim(figure, what, best, "%", share * printed[PPO], estimate.mean, "more",
                         low=estimate.low, high=estimate.high, best=Best(100.0 * longer, LONGER))  # fmt: skip
         for name, variant in BASELINES.items():
+            if not comparison.cells(task, variant):
+                yield Claim(figure, f"PPO ahead of {name} by", best, "%", share * printed[name], None, "lead",
+                            UNTRAINED)  # fmt: skip
+                continue
             at = comparison.shared(task, VARIANTS[PPO], variant)
             ours, theirs = (
                 [100.0 * row["return"] for row in comparison.cells(task, one, at)]
@@ -119,6 +123,10 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
     ):
         for name, samples in printed.items():
             variant = VARIANTS[name]
+            if not comparison.cells(task, variant):
+                yield Claim(figure, f"{name} converges at", where, "samples", samples, None, "neither",
+                            UNTRAINED)  # fmt: skip
+                continue
             estimate, last = converged(comparison, task, variant), _last(comparison, task, variant)
             seeds = f"{estimate.n} of {len(comparison.cells(task, variant))} seeds"
             what = f"{name} converges, of {last:,} samples ({seeds}), at"
@@ -165,6 +173,10 @@ def losses(comparison: Comparison) -> Iterator[Claim]:
         yield Claim(figure, what, where, "samples", 8e5, found, "point", "does not converge",
                     short=_last(comparison, task, ppo) < TRAINED)  # fmt: skip
         for name, variant in BASELINES.items():
+            if not comparison.cells(task, variant):
+                yield Claim(figure, f"PPO's minimum loss below {name}'s by", how, LOSS, printed[name], None,
+                            "lead", UNTRAINED)  # fmt: skip
+                continue
             at = comparison.shared(task, ppo, variant)
             ours, theirs = (least_loss(comparison, task, one, at) for one in (ppo, variant))
             # The lead is certain where the two intervals do not overlap.

@@ -24,7 +24,6 @@ from kinemimic.evaluate.paper.plan import (
     ROOM,
     SCENARIOS,
     compared_policies,
-    compared_variants,
     policies_in,
 )
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
@@ -82,7 +81,7 @@ def _study(
     engine: str,
     ray: str | None,
 ) -> dict[str, Any]:
-    variants, cast = compared_variants(comparison), compared_policies(comparison)
+    cast = compared_policies(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
     scenarios = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
@@ -91,12 +90,12 @@ def _study(
     contests: list[Row] = []
     with progress("study", len(SCENARIOS) + 2, unit=PERCENT) as bar:
         for name in SCENARIOS:
-            theirs = [cast[one] for one in policies_in(name, variants)]
+            theirs = [cast[one] for one in policies_in(name, cast)]
             pairs = [(one, scenarios[name]) for one in theirs]
             measure = partial(head_to_head, pairs, trials=trials, over=AHEAD, **options)
             settings = {"scenario": scenarios[name].to_json(), "trials": trials}
             contests += parts.kept(name, theirs, settings, bar.advance, measure)
-        theirs = [cast[one] for one in policies_in(ROOM, variants)]
+        theirs = [cast[one] for one in policies_in(ROOM, cast)]
         measure = partial(rooms, theirs, scenarios[ROOM], trials=walks, **options)
         settings = {"scenario": scenarios[ROOM].to_json(), "trials": walks}
         walk_metrics = parts.kept(ROOM, theirs, settings, bar.advance, measure)

@@ -45,21 +45,21 @@ def _look(name: str) -> dict[str, Any]:
 def learning(
     comparison: Comparison,
     panels: Sequence[tuple[str, str]],
-    variants: Mapping[str, str],
+    variants: Mapping[str, Mapping[str, str]],
     metric: str,
     *,
     share: bool,
 ) -> Draw:
     """A learning curve, one panel per task, with the interval over the seeds.
 
-    panels: task and title; variants: name -> variant; metric: "reward", as a share of the maximum, or
-    "critic_loss", on a logarithmic axis.
+    panels: task and title; variants: of each task, name -> variant; metric: "reward", as a share of the
+    maximum, or "critic_loss", on a logarithmic axis.
     """
 
     def draw(phone: bool) -> Figure:
         figure, axes = panel_grid(1, len(panels), 2.6, phone, sharey=True)
         for panel, (task, title) in zip(axes, panels, strict=True):
-            for name, variant in variants.items():
+            for name, variant in variants[task].items():
                 curve = comparison.curve(task, variant, metric)
                 scale = 100.0 if share else 1.0
                 samples = [row["samples"] / 1e6 for row in curve]

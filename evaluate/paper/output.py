@@ -30,8 +30,8 @@ QUARTILES = ("median", "q25", "q75", "n")
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
     """Drawings by the paper's figure numbers. content: of study.json."""
     contests = content["head_to_head"]
-    variants = compared_variants(comparison)
-    walkers = list(variants)
+    variants = {task: compared_variants(comparison, task) for task in (WALK, RUN, OBSTACLES)}
+    walkers = list(variants[WALK])
     titles = {
         "pull-forward": "forward pull", "pull-backward": "backward pull", "leg-force": "force on a thigh",
         "arm-torque": "torque on an arm", BALL: "one obstacle above the hip",
@@ -41,7 +41,7 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
         return [(name, titles[name], walkers) for name in names]
 
     # Only policies trained there, in their algorithm's colour; the page's table lists the others.
-    several = [(SEVERAL, "several obstacles", [f"{name}{AMONG}" for name in walkers])]
+    several = [(SEVERAL, "several obstacles", [f"{name}{AMONG}" for name in variants[OBSTACLES]])]
     shown = {row["policy"]: row["shown"] for row in content["rooms"]}
     walk_and_run = [(WALK, "walk"), (RUN, "run")]
     obstacles = [(WALK, "without obstacles"), (OBSTACLES, "among obstacles")]

@@ -12,7 +12,7 @@ from kinemimic.train.scenario.scenario_file import scenario
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
 PPO = "PPO"
 BASELINES: Mapping[str, str] = {"DDPG": "ddpg", "A2C": "a2c"}  # the paper's baselines and their variants
-# All algorithms. Those that the paper does not have take part where the comparison has them.
+# All algorithms. Each takes part in the tasks on which the comparison trained it.
 VARIANTS: Mapping[str, str] = {
     PPO: "default",
     **BASELINES,
@@ -36,33 +36,33 @@ BALL, SEVERAL, ROOM = "thrown-ball", "several-obstacles", "room"
 SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
 
 
-def compared_variants(comparison: Comparison) -> dict[str, str]:
-    """Those of VARIANTS that were trained: PPO, the paper's baselines, and any others.
+def compared_variants(comparison: Comparison, task: str) -> dict[str, str]:
+    """Those of VARIANTS that were trained on a task: PPO on all, on the walk also the paper's baselines.
 
-    KinemimicError if a training of theirs is missing.
+    KinemimicError if one of these, or a seed, is missing.
     """
-    theirs = {PPO, *BASELINES}
+    expected = {PPO, *BASELINES} if task == WALK else {PPO}
     found = {
         name: variant
         for name, variant in VARIANTS.items()
-        if name in theirs or any(comparison.cells(task, variant) for task in (WALK, RUN, OBSTACLES))
+        if name in expected or comparison.cells(task, variant)
     }
-    comparison.expect((WALK, RUN, OBSTACLES), tuple(found.values()))
+    comparison.expect((task,), tuple(found.values()))
     return found
 
 
 def compared_policies(comparison: Comparison) -> dict[str, list[TrainedPolicy]]:
     """The policies of all seeds by name; KinemimicError if a training is missing, two share no budget, or the
     obstacles of a training differ."""
-    variants = compared_variants(comparison)
-    for task in (WALK, RUN, OBSTACLES):
-        for baseline in BASELINES.values():
-            comparison.shared(task, VARIANTS[PPO], baseline)
+    trained = {task: compared_variants(comparison, task) for task in (WALK, RUN, OBSTACLES)}
+    for task, variants in trained.items():
+        for baseline in BASELINES.keys() & variants:
+            comparison.shared(task, VARIANTS[PPO], VARIANTS[baseline])
     comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
-    walkers = {name: comparison.policies(WALK, variant, name) for name, variant in variants.items()}
+    walkers = {name: comparison.policies(WALK, variant, name) for name, variant in trained[WALK].items()}
     among = {
         f"{name}{AMONG}": comparison.policies(OBSTACLES, variant, f"{name}{AMONG}")
-        for name, variant in variants.items()
+        for name, variant in trained[OBSTACLES].items()
     }
     return {**walkers, **{name: [shipped(name)] for name in OURS}, **among}
 
@@ -73,10 +73,6 @@ def shipped(name: str) -> TrainedPolicy:
     return TrainedPolicy.of(name, motion, policy, record)
 
 
-def policies_in(scenario: str, variants: Collection[str]) -> tuple[str, ...]:
-    """Names of the policies in a scenario; those trained among obstacles only in SEVERAL.
-
-    variants: names of the algorithms, of `compared_variants`.
-    """
-    walkers = (*variants, *OURS)
-    return (*walkers, *(f"{name}{AMONG}" for name in variants)) if scenario == SEVERAL else walkers
+def policies_in(scenario: str, names: Collection[str]) -> tuple[str, ...]:
+    """Those of the names of `compared_policies` in a scenario; trained among obstacles only in SEVERAL."""
+    return tuple(name for name in names if scenario == SEVERAL or not name.endswith(AMONG))

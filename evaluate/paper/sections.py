@@ -19,6 +19,7 @@ from kinemimic.evaluate.paper.plan import (
     RUN,
     SCENARIOS,
     SEVERAL,
+    VARIANTS,
     WALK,
     compared_variants,
 )
@@ -42,7 +43,7 @@ def training(comparison: Comparison) -> dict[str, Any]:
     """A row for each task and algorithm, and the text below them."""
     rows = []
     for task, title in _TASKS.items():
-        for name, variant in compared_variants(comparison).items():
+        for name, variant in compared_variants(comparison, task).items():
             cells = comparison.cells(task, variant)
             converges, loss = converged(comparison, task, variant), least_loss(comparison, task, variant)
             rows.append([
@@ -68,7 +69,9 @@ def _settings_of(comparison: Comparison) -> list[str]:
     """Settings that differ between the algorithms, as trained, a sentence for each."""
     variants = comparison.content["provenance"]["config"]["variants"]
     sentences = []
-    for name, variant in compared_variants(comparison).items():
+    trained = {name for task in _TASKS for name in compared_variants(comparison, task)}
+    for name in (name for name in VARIANTS if name in trained):
+        variant = VARIANTS[name]
         config = TrainConfig.from_json(variants[variant])
         often = steps_per_sample(config)
         last = max(comparison.content["provenance"]["config"]["budgets"][variant])

@@ -22,8 +22,9 @@ from printed.documented import documented_keys
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
 from kinemimic.evaluate.paper import room_walks as walks
+from kinemimic.evaluate.paper.claim import UNTRAINED
 from kinemimic.evaluate.paper.head_to_head import head_to_head
-from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, compared_variants, policies_in
+from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, WALK, compared_policies, policies_in
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Scenario
@@ -66,8 +67,8 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     assert json.loads(ended.stdout) == content
     assert documented_keys("study.json") == set(content)
     rows = [(row["policy"], row["scenario"]) for row in content["head_to_head"]]
-    variants = compared_variants(Comparison.load(folder))
-    assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario, variants)]
+    cast = compared_policies(Comparison.load(folder))
+    assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario, cast)]
     # All through the same room, which of the three is PPO's middle one.
     assert len({row["shown"]["number"] for row in content["rooms"]}) == 1
     assert all(len(row["walks"]) == 3 for row in content["rooms"])
@@ -104,6 +105,24 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
         assert (out / module.PAGE).read_text() == page
         with pytest.raises(AssertionError, match="measured again"):
             CliRunner().invoke(module.command, [*arguments, "--seed=1"], catch_exceptions=False)
+
+
+@pytest.mark.usefixtures("short")
+def test_a_baseline_may_be_trained_on_the_walk_only(compared: Callable[..., Path], tmp_path: Path) -> None:
+    walked = Comparison.load(compared(variants=("default", "ddpg", "a2c")))
+    rows = {
+        key: [row for row in walked.content[key] if row["variant"] != "ddpg" or row["task"] == WALK]
+        for key in ("cells", "curves")
+    }
+    comparison = Comparison(walked.folder, {**walked.content, **rows})
+    found = module.study(comparison, tmp_path, trials=1, walks=1, engine="pybullet")
+    names = {row["policy"] for row in found["head_to_head"]}
+    assert "DDPG" in names
+    assert "DDPG, among obstacles" not in names
+    untrained = [claim["figure"] for claim in found["claims"] if claim["verdict"] == UNTRAINED]
+    assert untrained == ["Fig. 7b", "Fig. 7b", "Fig. 8b", "Fig. 11b"]
+    page = (tmp_path / module.PAGE).read_text()
+    assert page.count(UNTRAINED) == len(untrained)
 
 
 def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Path]) -> None:
