@@ -23,7 +23,8 @@ from kinemimic.pipeline.gait.knee_axis import off_axis, off_axis_of_fitted_hinge
 from kinemimic.pipeline.gait.parameters import Gait, measure_gait
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
-from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.nodes import derived_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton

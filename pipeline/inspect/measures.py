@@ -12,7 +12,8 @@ from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.body_points import length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name, to_nodes
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics

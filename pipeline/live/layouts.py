@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS

@@ -14,7 +14,7 @@ from rich.text import Text
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics, share
 from kinemimic.pipeline.quality.passes import Acquisition
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect

@@ -18,7 +18,7 @@ from scipy.signal import find_peaks
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.body_points import nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.kinematics.vectors import unit

@@ -10,7 +10,8 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.kinematics.nodes import HOW_TO_NAME, ancestors, joints_by_name, listed
+from kinemimic.pipeline.kinematics.joint_names import HOW_TO_NAME, joints_by_name, listed
+from kinemimic.pipeline.kinematics.nodes import ancestors
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
 from kinemimic.pipeline.quality.rules.defect import Defect
 

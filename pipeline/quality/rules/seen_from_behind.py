@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.locomotion.striding import striding_frames

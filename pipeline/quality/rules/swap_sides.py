@@ -9,7 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import words
+from kinemimic.pipeline.kinematics.joint_names import words
 
 
 def opposite_sides(names: tuple[str, ...]) -> list[int]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
 from kinemimic.pipeline.quality.rules.defect import Defect, plural
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides

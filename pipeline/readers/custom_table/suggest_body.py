@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS

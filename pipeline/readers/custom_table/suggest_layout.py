@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.readers.custom_table.suggest_names import Columns, joints_of_header
 from kinemimic.pipeline.readers.custom_table.suggest_orders import (
     GOOD_SCORE,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.records import short
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
 from kinemimic.pipeline.readers.custom_table.description import Description

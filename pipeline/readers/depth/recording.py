@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import MISSING, NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor

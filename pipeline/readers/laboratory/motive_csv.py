@@ -13,7 +13,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
@@ -34,7 +34,7 @@ FORMAT = Format(
 )
 _MARK = "Format Version"
 _UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
-# Bones of Motive's skeletons -> the words by which joints are known (kinematics/nodes.py).
+# Bones of Motive's skeletons -> the words by which joints are known (kinematics/joint_names.py).
 _BONES = {
     "hip": "hips", "ab": "spine", "neck": "neck", "head": "head",
     **{

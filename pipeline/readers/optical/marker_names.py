@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 
-from kinemimic.pipeline.kinematics.nodes import joints_by_name, normalised
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name, normalised
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
 # Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi

@@ -16,7 +16,8 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels
-from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name, to_nodes
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.public_datasets import uiprmd

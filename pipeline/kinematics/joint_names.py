@@ -1,0 +1,201 @@
+"""The names that recorders and motion-capture tools give to the joints of the 20 nodes."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import islice
+
+from kinemimic.pipeline.kinematics.skeleton import NODES
+
+# Per node the names to look for, best first, in lower case without punctuation. A * stands for the side:
+# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. A name in the middle may
+# be marked like a side: C_Hips, Neck_M. The order resolves conflicts between conventions: LeftFoot is the
+# ankle if there is no LeftAnkle, and the foot otherwise; ShoulderLeft is a Kinect's shoulder, but Shoulder_L
+# a clavicle beside UpperArm_L.
+_MIDDLE: dict[str, tuple[str, ...]] = {
+    "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
+    "spine": (
+        "spine",
+        "spinemid",
+        "spinenavel",
+        "lowerback",
+        "spine1",
+        "spine01",
+        "chest",
+        "abdomen",
+        "ab",
+        "torso",
+        "waist",
+        "spinechest",
+    ),
+    "shoulder_center": (
+        "shouldercenter",
+        "spineshoulder",
+        "neck",
+        "neckbase",
+        "lowerneck",
+        "neck01",
+        "necktwist01",
+    ),
+    "head": ("headend", "headtip", "head"),
+}
+_SIDED: dict[str, tuple[str, ...]] = {
+    "shoulder": (
+        "shoulder%",
+        "*arm",
+        "*upperarm",
+        "*uparm",
+        "*uarm",
+        "upperarm*",
+        "uparm*",
+        "*humerus",
+        "humerus*",
+        "*shldr",
+        "*shoulder",
+        "shoulder*",
+    ),
+    "elbow": (
+        "elbow*",
+        "*forearm",
+        "*elbow",
+        "*lowerarm",
+        "*lowarm",
+        "*farm",
+        "lowerarm*",
+        "forearm*",
+        "*radius",
+        "ulna*",
+    ),
+    "wrist": ("wrist*", "*wrist", "*hand", "hand*"),
+    "hand": (
+        "hand%",
+        "*hand",
+        "*handmiddle1",
+        "*handindex1",
+        "*middle1",
+        "*index1",
+        "*fingers",
+        "*handend",
+        "*wristend",
+        "hand*end",
+        "wrist*end",
+    ),
+    "hip": (
+        "hip*",
+        "*upleg",
+        "*upperleg",
+        "*thigh",
+        "*hip",
+        "upperleg*",
+        "upleg*",
+        "thigh*",
+        "*femur",
+        "femur*",
+    ),
+    "knee": (
+        "knee*",
+        "*knee",
+        "*leg",
+        "*lowerleg",
+        "*lowleg",
+        "*shin",
+        "*calf",
+        "lowerleg*",
+        "shin*",
+        "calf*",
+        "*tibia",
+        "tibia*",
+    ),
+    "ankle": ("ankle*", "*ankle", "talus*", "*foot", "foot*"),
+    "foot": (
+        "foot%",
+        "*foot",
+        "*toebase",
+        "*toes",
+        "*toe",
+        "*toe0",
+        "ball*",
+        "toes*",
+        "toe*",
+        "*footend",
+        "*ankleend",
+        "foot*end",
+        "ankle*end",
+    ),
+}
+# Required; everything else follows from these and one node of the trunk.
+REQUIRED: tuple[str, ...] = tuple(
+    f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
+)
+# What to do about joints that are not found.
+HOW_TO_NAME = "rename the joints, for instance to LeftUpLeg, LeftLeg, LeftFoot, RightUpLeg and so on"
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first 40 names, for an error."""
+    return f"{', '.join(names[:40])}{' …' if len(names) > 40 else ''}"
+
+
+def normalised(name: str) -> str:
+    """A joint's name without namespace ("mixamorig:"), case and punctuation."""
+    return re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())
+
+
+def _candidates(node: str) -> Iterator[str]:
+    if node in _MIDDLE:
+        for name in _MIDDLE[node]:
+            yield from (name, f"c{name}", f"{name}m")
+        return
+    joint, side = node.rsplit("_", 1)
+    for pattern in _SIDED[joint]:
+        yield pattern.replace("*", side).replace("%", side)
+        if "*" in pattern:
+            yield pattern.replace("*", side[0])
+
+
+_CANDIDATES: dict[str, tuple[str, ...]] = {node: tuple(_candidates(node)) for node in NODES}
+
+
+def joints_by_name(names: tuple[str, ...]) -> dict[str, int]:
+    """Joint index of every node that is found by name alone; no joint serves two nodes."""
+    return _joints_of_words(words(names))
+
+
+def words(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The joints' normalised names without what a tool puts before each ("Bip01 L Thigh", "DEF-thigh.L").
+
+    If legs are not found otherwise, the part left out is the one that at least six joints share, as two legs
+    do, and without which most of them are found. A joint that lacks it keeps its name.
+    """
+    plain = tuple(map(normalised, names))
+    if _leg_joints(plain) == len(REQUIRED):
+        return plain
+    parts = Counter(part for name in names for part in _leading_parts(name))
+    shared = [part for part, count in parts.items() if count >= len(REQUIRED)]
+    shorter = (tuple(word.removeprefix(part) for word in plain) for part in shared)
+    return max([plain, *shorter], key=_leg_joints)
+
+
+def _leg_joints(words: Sequence[str]) -> int:
+    return len(_joints_of_words(words).keys() & set(REQUIRED))
+
+
+def _leading_parts(name: str) -> set[str]:
+    """What a name begins with, up to each of its first separators or capital letters, normalised."""
+    ends = re.finditer(r"[^A-Za-z0-9]+|(?<=[a-z0-9])(?=[A-Z])", name)
+    return {normalised(name[: end.start()]) for end in islice(ends, 4)}
+
+
+def _joints_of_words(words: Sequence[str]) -> dict[str, int]:
+    index: dict[str, int] = {}
+    for joint, word in enumerate(words):
+        index.setdefault(word, joint)
+    found: dict[str, int] = {}
+    for node in NODES:
+        for candidate in _CANDIDATES[node]:
+            if candidate in index and index[candidate] not in found.values():
+                found[node] = index[candidate]
+                break
+    return found
