@@ -62,9 +62,10 @@ def command(
     """Make a data set of the motions of every capture at SOURCE.
 
     SOURCE: a file, a folder with all its subfolders, a pattern ("walks/**/*.bvh"), a name of the catalogue,
-    or @FILE, a list of these. Every capture goes through ingest, convert and retarget in its own run folder
-    below --out. The table says which motions `train` accepts, and why the others were refused. Captures whose
-    result is up to date are skipped. Exit status: 0 if any capture is accepted, else 2.
+    or @FILE, a list of these. Every capture goes through ingest, convert and retarget, or as far as --to
+    says, in its own run folder below --out. The table says which motions `train` accepts, and why the others
+    were refused. Captures whose result is up to date are skipped. Exit status: 0 if any capture is accepted,
+    else 2.
 
     \b
       kinemimic batch recordings/ --out runs/recordings

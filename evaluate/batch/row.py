@@ -33,7 +33,7 @@ def empty_row(task: Task, status: str, reason: str) -> Row:
         "licence": None,
         "frames": None,
         "rate_hz": None,
-        "segments": None,
+        "passes": None,
         "complete": None,
         "defects": [],
         "status": status,
@@ -79,7 +79,7 @@ def capture_columns(folder: Path) -> Row:
         "licence": _word(note.get("licence", note.get("license"))),
         "frames": quality["frames"],
         "rate_hz": quality["clock"]["rate_hz"],
-        "segments": len(quality["passes"]),
+        "passes": len(quality["passes"]),
         "complete": round(quality["complete_frames"] / max(quality["frames"], 1), 4),
         "defects": sorted({f"{one['rule']} ({one['action']})" for one in quality["defects"]}),
     }
@@ -108,7 +108,7 @@ def motion_columns(gait: Mapping[str, Any]) -> Row:
 def score_columns(scores: Mapping[str, Any]) -> Row:
     """What scores.json says, in the median over the start phases.
 
-    upright: share of the frames before a fall, R² of knee and hip counts only these.
+    upright: share of the frames before a fall; R² of knee and hip gives no credit after a fall.
     """
     from kinemimic.evaluate.scoring.verdict import verdict  # noqa: PLC0415 (import cost)
 
@@ -116,7 +116,7 @@ def score_columns(scores: Mapping[str, Any]) -> Row:
     columns: Row = {
         "verdict": verdict(scores).level,
         "upright": round(survival["frames_median"] / survival["of"], 4),
-        "mpjpe_mm": scores["tracking"]["mpjpe_g_mm"],
+        "mpjpe_mm": _median((scores["tracking"]["phases"]["all"] or {}).get("mpjpe_g_mm")),
     }
     for joint in ("knee", "hip"):
         columns[f"{joint}_r2"] = _median(fit[joint]["r2_upright"])

@@ -37,7 +37,7 @@ _SHOWN = (
         "licence",
         "frames",
         "rate_hz",
-        "segments",
+        "passes",
     ),
     *("complete", "defects", "findings", "strides_used", "period_s", "speed_m_s", "motion_frames"),
     *("motion_rate_hz", "upright", "knee_r2", "hip_r2", "mpjpe_mm", "unperformed"),

@@ -193,7 +193,7 @@ def command(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Make one motion library of every capture at SOURCE (files, and folders with all their subfolders).
+    """Make one motion library of every capture at SOURCE, which is as for `batch`.
 
     Every capture goes through ingest, convert and retarget as with `batch`. The library holds the motions
     that `train` accepts, as library.json and library.safetensors. It is split by subject: no person is in

@@ -208,7 +208,7 @@ def command(
     engine: str,
     as_json: bool,
 ) -> None:
-    """Repeat the paper's experiments with PPO, DDPG and actor-critic.
+    """Repeat the paper's experiments with PPO, DDPG, A2C and any other baselines that were trained.
 
     study.html lists every number of the paper's section 4 next to ours. Figures are written as SVG and PNG,
     and numbers as CSV.

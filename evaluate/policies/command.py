@@ -48,7 +48,7 @@ def tracker_summary(name: str, folder: Path) -> dict[str, Any]:
 @click.command("policies")
 @json_option("Print the list as JSON.")
 def command(as_json: bool) -> None:
-    """List the shipped policies, for `--policy` of evaluate, view, export, pushes and disturb.
+    """List the shipped policies, for `--policy` of evaluate, view, export and others.
 
     Scores are medians over the start phases. A tracker performs any motion, also with `run --policy`.
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
     conjugate,
     continuous,
     from_rotvec,
@@ -34,7 +35,8 @@ from kinemimic.retarget.optimise.refine import refine
 
 SUBJECT = "variants"  # the subject of variants in a library
 FRAME_RATE = 60.0
-LIKE = 0.7  # probability of a second loop, and of a symmetric gait
+SECOND_LOOP = 0.7  # probability of a second loop
+SYMMETRIC = 0.7  # probability of a symmetric gait
 MIX = 0.6  # largest share of the second loop
 PERIOD = (0.75, 1.35)  # factor on the duration
 STRIDE = (0.7, 1.5)  # factor on the flexion of hips and knees
@@ -47,7 +49,7 @@ SWAY = (0.0, 1.2)  # factor on the lateral sway
 CROUCH = (-0.5, 0.15)  # rad of flexion added to the knees; hips and ankles share it
 WIDTH = 0.04  # rad, standard deviation of the abduction of both thighs
 WOBBLE = 0.02  # rad, standard deviation of a random first harmonic of a joint
-PLANAR = 0.3  # probability that the legs move in a plane, and that the trunk does
+PLANAR = 0.3  # probability that the legs move in a plane; drawn separately for the trunk
 DEPTH_SENSOR = 0.5  # probability of neutral feet
 ARMLESS = 0.12  # probability of arms that hang straight and still, as in skeletons without arms
 # Share of the axial rotation of the thigh that the ankle takes back: a turned leg still has its foot ahead.
@@ -139,7 +141,7 @@ def variant(
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
     rotations, sway, own = _series(loops[first], phase)
-    if len(loops) > 1 and random.random() < LIKE:
+    if len(loops) > 1 and random.random() < SECOND_LOOP:
         other, other_sway, its_own = _series(loops[int(random.integers(len(loops)))], phase)
         share = random.uniform(0.0, MIX)
         rotations = _towards(rotations, other, share)
@@ -154,9 +156,9 @@ def variant(
     about = to_rotvec(multiply(conjugate(np.broadcast_to(mean, rotations.shape)), rotations))
     moving = np.ptp(rotations, axis=0).max(axis=-1, keepdims=True) > 1e-9
     if random.random() < ARMLESS:
-        mean[_ARMS], moving[_ARMS] = [1.0, 0.0, 0.0, 0.0], False
+        mean[_ARMS], moving[_ARMS] = IDENTITY, False
         about[:, _ARMS] = 0.0
-    if random.random() < LIKE:
+    if random.random() < SYMMETRIC:
         about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
         mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
     about = gains * about + near * random.uniform(0.0, 1.5) * moving * _wobble(phase, random)

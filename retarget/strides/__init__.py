@@ -1,5 +1,5 @@
-"""Passes, strides and the gait loop: the frames that show walking, their phase, and their average stride.
+"""From judged bouts to the gait loop: the bouts that are pooled, their strides, and the average stride.
 
-In: a clip on the 20 nodes. Out: judged passes with a heading and a phase, their pooled strides, the
-reliability of the sensor, and the gait loop as Fourier series.
+In: a clip on the 20 nodes and its bouts (pipeline/locomotion). Out: the selected bouts, pooled strides, the
+reliability of the sensor, and the loop as Fourier series; or the excerpt that is kept as recorded.
 """

@@ -159,9 +159,9 @@ def robust_fit(
 ) -> Array:
     """Series (1 + 2 harmonics, K) of values (M, K), by iteratively reweighted least squares.
 
-    Tukey's biweight on the norm of a residual rejects outliers. Each pass, group (M,), is weighted by its
-    inverse variance, since the far leg of a pass seen from the side is guesswork. floor: smallest scale of
-    residuals, in the unit of the values.
+    Tukey's biweight on the norm of a residual rejects outliers. Each group (M,) of frames, a section of a
+    bout, is weighted by its inverse variance, since the far leg of a walk seen from the side is guesswork.
+    floor: smallest scale of residuals, in the unit of the values.
     """
     seen = weights > 0
     # Frames without weight are left out for speed.
@@ -246,8 +246,8 @@ def source_nodes(name: str) -> tuple[str, ...]:
 def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     """Series (1 + 2 h, 3) of the hip centre about its uniform advance, and the speed of that advance in m/s.
 
-    Each pass has its own straight line: it starts elsewhere, and a sensor's floor is never quite level. Lines
-    and the common series are fitted alternately, because a pass is not a whole number of strides.
+    Each section has its own straight line: it starts elsewhere, and a sensor's floor is never quite level.
+    Lines and the common series are fitted alternately, because a section is not a whole number of strides.
     """
     hips = strides.positions[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]]
     seen = np.isfinite(hips[..., 0])
@@ -258,7 +258,7 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     _, group = np.unique(strides.group, return_inverse=True)
 
     def sums(values: Array) -> Array:
-        """Weighted sums (G, ...) of values (M, ...) over each pass."""
+        """Weighted sums (G, ...) of values (M, ...) over each section."""
         flat = (weights[:, None] * values.reshape(len(values), -1)).T
         return np.stack([np.bincount(group, column) for column in flat], axis=-1)
 

@@ -11,6 +11,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.retarget.library import variants as module
 from kinemimic.retarget.library.variants import MAX_DEPTH, SPEEDS, plausible, plausible_variant, variant
 
 
@@ -51,6 +52,19 @@ def test_variants_cover_more_than_their_loops(loops: list[Motion], made: list[Mo
     assert max(knees) - min(knees) > 5.0 * (max(own) - min(own)) + 0.1
     periods = [one.duration for one in made]
     assert max(periods) / min(periods) > 1.2
+
+
+def test_arms_of_a_skeleton_without_arms_hang_still(
+    loops: list[Motion], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "ARMLESS", 1.0)
+    one = plausible_variant(loops, "walk", 3, 0)
+    positions, _ = one.kinematics()
+    for side in ("left", "right"):
+        arm = [NODE_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "elbow", "wrist")]
+        heights = positions[:, arm, 2]
+        assert (heights[:, :-1] - heights[:, 1:] > 0.15).all()
+        assert angle_between(one.rotations[:, arm], one.rotations[:1, arm]).max() < 1e-6
 
 
 def test_walks_are_as_fast_as_people(loops: list[Motion], made: list[Motion]) -> None:
