@@ -7,6 +7,7 @@ Fig. 12b), the largest gap of the mean cycle, and R². Trainings that are finish
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from kinemimic.train.rollout.trajectory import Trajectory
 
 CONTROL = "none"
+CHANGED = "KINEMIMIC_HIP_GAP"  # environment variable: the factor whose constants processes change
 SECONDS = 500 / 30  # the paper's 500 frames
 BINS = 50  # of the mean cycle
 
@@ -51,6 +53,8 @@ def bodies(prefixes: tuple[str, ...], **changes: Callable[[Any], Any]) -> Callab
             else one
             for one in body.BODIES
         )
+        body.BODY_MASSES = np.array([one.mass for one in body.BODIES])
+        body.BODY_CENTERS = np.array([one.center for one in body.BODIES])
 
     return change
 
@@ -162,10 +166,27 @@ FACTORS: Mapping[str, Factor] = {
 }
 
 
+# The simulation runs in spawned processes, which import this file first, as this process does. No module that
+# reads the constants is loaded yet.
+if CHANGED in os.environ:
+    FACTORS[os.environ[CHANGED]].constants()
+
+
+def constants() -> tuple[Any, ...]:
+    """The constants that factors change, as modules read them in this process."""
+    from kinemimic.retarget.humanoid.body import BODIES
+    from kinemimic.train.config.env_config import POSE_WEIGHTS
+    from kinemimic.train.sim.world import CONTACT_ERP, CONTROL_RATE, FRICTION, SUBSTEPS
+
+    return BODIES, sorted(POSE_WEIGHTS.items()), CONTACT_ERP, CONTROL_RATE, FRICTION, SUBSTEPS
+
+
 def train_one(name: str, seed: int, source: Path, out: Path) -> None:
-    """Train and measure one factor in this process, which has loaded no module that reads constants yet."""
+    """Train and measure one factor, whose constants this process has changed."""
     factor = FACTORS[name]
-    factor.constants()
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        if pool.apply(constants) != constants():
+            raise RuntimeError(f"expected the constants of {name!r} in spawned processes, found others")
     from kinemimic.pipeline.files.store import write_json, write_text
     from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
     from kinemimic.train.command import train
@@ -300,9 +321,10 @@ def main(motion: Path, out: Path, seeds: int, names: tuple[str, ...], only: int 
         if (folder / "gap.json").exists():
             return 0
         folder.mkdir(parents=True, exist_ok=True)
+        process = {**environment, CHANGED: name}
         command = [sys.executable, __file__, motion, folder, "--factor", name, "--only", seed]
         with (folder / "log.txt").open("w") as log:
-            code = subprocess.call([str(one) for one in command], env=environment, stdout=log, stderr=log)
+            code = subprocess.call([str(one) for one in command], env=process, stdout=log, stderr=log)
         print(
             f"{name}, seed {seed}: " + ("finished" if code == 0 else f"status {code}, see {log.name}"),
             flush=True,
