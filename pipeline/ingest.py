@@ -42,7 +42,7 @@ def ingest(
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
     filter_name: one of FILTERS, by default the best one in `make bench-clean`; unit, rate, video: as in
-    `read`. The landmarks of a video are kept in landmarks.npz, so that an interrupted call goes on.
+    `read`. The landmarks of a video are kept in landmarks.npz, so that an interrupted call can resume.
     raw.parquet: the frames as recorded, except for repairs by the rules (sides, axes, units), unfiltered,
     with NaN in gaps; clip.parquet: the same frames after cleaning; quality.json: every defect.
     A sidecar file NAME.truth.parquet marks a capture NAME.* as simulated and is copied; the content of

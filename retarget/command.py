@@ -19,6 +19,7 @@ from kinemimic.pipeline.files.sidecars import read_truth
 from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, MIN_TRAVEL, Bout, find_bouts
+from kinemimic.pipeline.locomotion.no_walk import why_no_walk
 from kinemimic.pipeline.locomotion.segments import only_segment
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
@@ -58,12 +59,12 @@ def retarget(
     ankle: ankles of a walk whose feet the sensor did not see (`legs.neutral_feet`, `ankles.normal_feet`).
     loop: average the strides into a loop; None does so for every gait with usable strides, False keeps the
         longest bout as recorded.
-    straighten: walk straight where the person walked a curve; None does so for a loop, which is straight.
-    With False, a walk keeps its turns, as recorded. balance: displace the root of a depth sensor's walk
-    until the zero-moment point comes to the soles. segment: name or times of a segment, as `inspect` lists
-    them (`locomotion.segments`); None takes the longest usable walk with those alike, or without one the
-    longest pass, as recorded. Raises KinemimicError if the capture has no pass, or no usable stride where a
-    loop is asked for.
+    straighten: True walks straight ahead, False keeps the turns of the walk; None: straight for a loop.
+    segment: name or times of a segment, as `inspect` lists them (`locomotion.segments`); None takes the
+        longest usable walk and those like it, or, without a walk, the longest pass as recorded.
+    balance: displace the root of a depth sensor's walk until its zero-moment point is nearer to the soles.
+
+    KinemimicError if the capture has no pass, or if loop is True and no stride is usable.
     """
     with stage(run, "retarget") as out:
         return _retarget(
@@ -103,8 +104,8 @@ def _retarget(
     if loop and straighten is False:
         raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")
     if loop and not selection.bouts:
-        raise KinemimicError(f"{run}: expected strides for --loop, {_no_strides(bouts, selection)}")
-    report, why = None, "" if selection.bouts else _no_strides(bouts, selection)
+        raise KinemimicError(f"{run}: expected strides for --loop, {_no_strides(clip, bouts, selection)}")
+    report, why = None, "" if selection.bouts else _no_strides(clip, bouts, selection)
     if selection.bouts and loop is not False and straighten is not False:
         fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
         reliability = fit.reliability
@@ -132,7 +133,8 @@ def _retarget(
         reliability, motion = plain.reliability, plain.motion
         if refined:
             motion = refine(motion, plain.seen)
-        report = noncyclic_report(clip, bouts, excerpt, plain, motion, why)
+        chosen = segment is not None
+        report = noncyclic_report(clip, bouts, excerpt, plain, motion, why, chosen=chosen)
         spans = [PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, plain.phase)]
     record = {
         "simulated": clip.simulated,
@@ -190,9 +192,11 @@ def _excerpt(clip: Clip, bouts: list[Bout], *, straighten: bool) -> Excerpt:
     return excerpt_of_pass(clip, int(numbers[np.argmax(counts)]))
 
 
-def _no_strides(bouts: list[Bout], selection: Selection) -> str:
+def _no_strides(clip: Clip, bouts: list[Bout], selection: Selection) -> str:
     """What is missing for a loop."""
     if not bouts:
+        if found := why_no_walk(clip.times, clip.passes, clip.positions):
+            return f"found {found}"
         return f"found nobody who walks {MIN_STRIDES:.0f} strides, or {MIN_TRAVEL} m across the view"
     longest = max(bouts, key=lambda one: one.cycles)
     return f"found {len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"

@@ -20,6 +20,7 @@ from kinemimic.retarget.feet.ground import RootPath, fit_root_path, is_running
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
 from kinemimic.retarget.feet.scale import length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.retarget.strides.asymmetry import asymmetry_and_noise, asymmetry_limit
 from kinemimic.retarget.strides.loop import Loop, Strides, fit_loop, pool_strides, with_mirror
 from kinemimic.retarget.strides.sensor_reliability import (
     SensorReliability,
@@ -30,9 +31,6 @@ from kinemimic.retarget.strides.sensor_reliability import (
 FRAME_RATE = 60.0  # frames per second, as near as whole frames in a stride allow
 # By `SensorReliability.precise`: of an optical recording, and of a depth sensor's.
 LEG_HARMONICS = {True: 8, False: 5}
-# Difference of the sides, in residuals about the loop, that a depth sensor's recording keeps. A leg that the
-# sensor sees badly on most strides differs by up to 1.6.
-MAX_ASYMMETRY = 2.0
 MAX_GAP = 0.2  # share of the stride without a frame; across a longer gap the loop would be invented
 
 
@@ -43,8 +41,8 @@ class CyclicFit:
     motion: cyclic, frame 0 where the left ankle is farthest ahead
     strides, captured: the pooled frames and their angles (name -> (M,) radians)
     symmetric: whether both sides were averaged, decided by
-        asymmetry_deg, the rms difference of the sides, and noise_deg, the rms residual about the loop (knees
-        and hips)
+        asymmetry_deg, the rms difference of the sides, noise_deg, the rms residual about the loop (knees
+        and hips), and asymmetry_limit_deg, the difference that noise explains, 0 in a precise recording
     scale: body over person; width: metres between the ankles, scaled; abduction: radians added to both hips
     """
 
@@ -57,6 +55,7 @@ class CyclicFit:
     symmetric: bool
     asymmetry_deg: float
     noise_deg: float
+    asymmetry_limit_deg: float
     scale: float
     width: float
     abduction: float
@@ -67,8 +66,8 @@ def fit_cyclic(
 ) -> CyclicFit:
     """Pool the usable strides of bouts of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
-    symmetric: whether to pool the mirror image too; None decides by `_is_symmetric`, and pools it if part of
-    the stride was seen on one side only. ankle: ankles of a walk whose feet were not seen; a run's are
+    symmetric: whether to pool the mirror image too; None decides by `asymmetry_limit`, and pools it if part
+    of the stride was seen on one side only. ankle: ankles of a walk whose feet were not seen; a run's are
     neutral. Raises KinemimicError if part of the stride was never seen.
     """
     strides = pool_strides(clip, bouts)
@@ -77,11 +76,12 @@ def fit_cyclic(
     captured = _of_used_legs(joint_angles(local), strides)
     period = float(np.average([one.period for one in bouts], weights=[one.used_strides for one in bouts]))
     loop = fit_loop(strides, local, period, leg=LEG_HARMONICS[reliability.precise])
-    asymmetry, noise = _asymmetry_and_noise(loop, strides, captured)
+    asymmetry, noise = asymmetry_and_noise(loop, strides, captured)
+    limit = 0.0 if reliability.precise else asymmetry_limit(bouts, strides, captured, noise)
     gap = _largest_gap(strides)
     mirror = symmetric
     if mirror is None:
-        mirror = gap > MAX_GAP or _is_symmetric(reliability, asymmetry, noise)
+        mirror = gap > MAX_GAP or asymmetry < limit
     if mirror:
         both = with_mirror(strides)
         pitch = float(np.mean(reliability.foot_pitch))
@@ -117,7 +117,19 @@ def fit_cyclic(
         cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
     )
     return CyclicFit(
-        motion, loop, strides, reliability, path, captured, mirror, asymmetry, noise, scale, width, abduction
+        motion,
+        loop,
+        strides,
+        reliability,
+        path,
+        captured,
+        mirror,
+        asymmetry,
+        noise,
+        limit,
+        scale,
+        width,
+        abduction,
     )
 
 
@@ -138,25 +150,3 @@ def _largest_gap(strides: Strides) -> float:
         phases = np.sort(np.mod(strides.phase[strides.weights[:, N[f"knee_{side}"]] > 0], 1.0))
         gaps.append(float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0)
     return max(gaps)
-
-
-def _asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
-    """Rms difference of left and right, and rms residual about the loop, in degrees."""
-    phase = np.arange(60) / 60.0
-    left, right_later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
-    fitted = joint_angles(loop.rotations(strides.phase))
-    differences = [left[f"{joint}_left"] - right_later[f"{joint}_right"] for joint in ("knee", "hip")]
-    residual = np.concatenate([captured[name] - fitted[name] for name in captured])
-    return (
-        float(np.degrees(np.sqrt(np.mean(np.square(differences))))),
-        float(np.degrees(np.sqrt(np.nanmean(np.square(residual))))),
-    )
-
-
-def _is_symmetric(reliability: SensorReliability, asymmetry: float, noise: float) -> bool:
-    """Whether to average the sides by default.
-
-    Only in a depth sensor's recording whose noise explains the difference of the sides: a limp shows as a
-    difference well above the residual of the strides. Optical recordings keep their asymmetry.
-    """
-    return not reliability.precise and asymmetry < MAX_ASYMMETRY * noise

@@ -123,7 +123,7 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     else:
         if not reliability.feet:
             rotations = flat_feet(rotations)
-        rotations, root, lean = upright(rotations, root, contacts)
+        rotations, root, lean = upright(rotations, root, contacts, FRAME_RATE)
     root[:, :2] -= root[0, :2]
     root[:, 2] -= _ground_height(*body_kinematics(rotations, root), contacts)
     motion = Motion(FRAME_RATE, root, continuous(rotations), contacts, cyclic=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -13,15 +13,19 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.locomotion.bouts import Bout
+from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
 from kinemimic.retarget.feet.zero_moment_point import Balance
+from kinemimic.retarget.fidelity import departure_warnings, departures
 from kinemimic.retarget.formats.gait_json import GAIT_SCHEMA
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.retarget.loop_warnings import knee_warnings
 from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.noncyclic import NonCyclicFit
+from kinemimic.retarget.strides.climb import Climb, climb_of
 from kinemimic.retarget.strides.excerpt import Excerpt
 from kinemimic.retarget.strides.selection import Selection, why_strides_are_left_out
 
@@ -62,11 +66,14 @@ def cyclic_report(
         "strides_left_out": why_strides_are_left_out(selection.bouts),
         "frames_used": len(fit.strides.phase),
         "path": _path(selection.bouts),
+        "climb": _climb(climb_of(clip, selection.bouts)),
+        **departures(fit),
         "r2_loop_against_capture": _r2(fit),
         "bouts": [_bout_row(one, fit, selection) for one in bouts],
         "symmetric": fit.symmetric,
         "asymmetry_deg": _n(fit.asymmetry_deg),
         "noise_deg": _n(fit.noise_deg),
+        "asymmetry_limit_deg": _n(fit.asymmetry_limit_deg),
         "reliability": {
             "precise": fit.reliability.precise,
             "pelvis": fit.reliability.pelvis,
@@ -102,15 +109,45 @@ def cyclic_report(
             for name, one in (("closed_form", closed), ("measures", fit))
         },
     }
-    return _with_findings(report, [])
+    warnings = [*climb_warnings(report), *knee_warnings(report), *departure_warnings(report)]
+    return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
+
+
+def _climb(found: Climb) -> dict[str, Any]:
+    """How far the capture climbs, which the loop does not."""
+    return {
+        "stride_m": _n(found.stride),
+        "angle_deg": _n(np.degrees(found.angle)),
+        "total_m": _n(found.total),
+        "certain": found.certain,
+    }
+
+
+def climb_warnings(report: Mapping[str, Any]) -> list[str]:
+    """What the level loop leaves out of a walk up or down, from its gait.json."""
+    climb = report["climb"]
+    if not climb["certain"]:
+        return []
+    verb = "climbs" if climb["stride_m"] > 0.0 else "descends"
+    return [
+        f"levelled: the {report['kind']} {verb} {abs(climb['stride_m']):.2f} m a stride "
+        f"({abs(climb['angle_deg']):.1f}°)"
+    ]
 
 
 def noncyclic_report(
-    clip: Clip, bouts: list[Bout], excerpt: Excerpt, fit: NonCyclicFit, motion: Motion, why: str
+    clip: Clip,
+    bouts: list[Bout],
+    excerpt: Excerpt,
+    fit: NonCyclicFit,
+    motion: Motion,
+    why: str,
+    *,
+    chosen: bool = False,
 ) -> dict[str, Any]:
     """The value of gait.json for an excerpt as recorded, from its closed form `fit` and final motion.
 
-    why: what is missing for a loop, "" if nothing is.
+    why: what is missing for a loop, "" if nothing is; chosen: whether a segment was asked for.
     """
     kind, walk = "motion", {}
     if fit.strides is not None and excerpt.bout is not None:
@@ -146,14 +183,14 @@ def noncyclic_report(
             for name, each in (("closed_form", fit.motion), ("measures", motion))
         },
     }
-    what = "the longest bout" if walk else "the longest pass"
+    what = "the longest bout" if walk else "the segment" if chosen else "the longest pass"
     warnings = [f"{why}: {what} is kept as recorded, without a loop"] if why else []
     if fit.lean:
         warnings.append(
             f"the recorded body leans by {np.degrees(fit.lean):.0f}° more than it could without a fall while "
             "it stands: it was turned upright by as much"
         )
-    return _with_findings(report, warnings)
+    return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
 
 
 def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
@@ -202,8 +239,8 @@ def _r2(fit: CyclicFit, mask: NDArray[np.bool_] | None = None) -> dict[str, floa
 
 def _path(bouts: Sequence[Bout]) -> dict[str, Any]:
     """Where the speed comes from, and how far recorded path and feet disagree, in shares of a stride."""
-    sources = {one.way.source for one in bouts}
-    apart = [one.way.disagreement for one in bouts]
+    sources = {one.path.source for one in bouts}
+    apart = [one.path.disagreement for one in bouts]
     return {"source": "feet" if "feet" in sources else "recorded", "disagreement": _n(max(apart))}
 
 

@@ -23,8 +23,7 @@ def table(report: dict[str, Any]) -> list[str]:
             f"period {report['period_s']:.3f} s",
             f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
             f"{report['speed_capture_m_s']:.2f} captured{_by_feet(report['path'])}",
-            f"  sides      {'averaged' if report['symmetric'] else 'as recorded'}, "
-            f"differ by {report['asymmetry_deg']:.1f}° (noise {report['noise_deg']:.1f}°)",
+            sides(report),
             f"  ground     penetration {1e3 * ground['penetration_m']:.0f} mm, "
             f"floating {1e3 * ground['floating_m']:.0f} mm, "
             f"swing clearance {1e3 * ground['swing_clearance_m']:.0f} mm, slip {ground['slip_m_s']:.2f} m/s",
@@ -50,6 +49,15 @@ def table(report: dict[str, Any]) -> list[str]:
             "  `train` refuses this motion (✗): take another part with --segment, or run `train --anyway`"
         )
     return lines
+
+
+def sides(report: dict[str, Any]) -> str:
+    """Whether the sides were averaged, how far they differ, and how far they would by noise alone."""
+    differ, limit = report["asymmetry_deg"], report["asymmetry_limit_deg"]
+    text = f"  sides      {'averaged' if report['symmetric'] else 'as recorded'}, differ by {differ:.1f}°"
+    if limit == 0.0:
+        return f"{text} (noise {report['noise_deg']:.1f}°)"
+    return f"{text}, {'less' if differ < limit else 'more'} than the {limit:.1f}° that noise explains"
 
 
 def _balance(found: dict[str, float] | None) -> list[str]:

@@ -32,7 +32,7 @@ from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
-from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
 from kinemimic.train.runner.closing_words import closing_words
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
@@ -44,9 +44,7 @@ from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
 from kinemimic.train.task.timer import Timer, table
 
-CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint.previous.safetensors"
-CURVES = "tensorboard"
 
 
 def train(

@@ -21,6 +21,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import write_json, write_text
 from kinemimic.pipeline.parallel.executor import Executor, LocalProcesses
+from kinemimic.pipeline.plural import plural
 
 BATCH_SCHEMA = 1
 TIMEOUT = 300.0
@@ -47,14 +48,14 @@ def batch(
 
     sources: as `paths_of` takes them; options: stage -> its command's options, as `workflow.run` takes them;
     to: "clip", "motion", or "performed", by the tracker that ships and with scores; subject: regular
-    expression of the person in a file's name (`dataset.subject`); executor: who carries out the captures, by
+    expression of the person in a file's name (`dataset.subject`); executor: what runs the tasks, by
     default `jobs` processes, each capture with `timeout` seconds and `memory` GiB; overwrite: also process
     captures whose result is up to date; dataset: also write the data set and its page, of everything in
     `out`, with what other batches made there.
     Returns the content of batch.json, which is about the captures of this call. A capture that is refused,
     crashes, or takes too long or too much is a row with the reason. An interrupted batch writes the rows of
-    the captures that are finished; called again, it goes on with the others. KinemimicError for a source that
-    is none.
+    the captures that are finished; called again, it resumes with the others. KinemimicError for a source
+    that does not exist.
     """
     given = for_tracker(options or {}) if to == "performed" else options or {}
     config = {stage: dict(chosen) for stage, chosen in given.items() if chosen}
@@ -72,7 +73,7 @@ def batch(
         except KeyboardInterrupt:
             _interrupted(tasks, work, out, config)
             raise KeyboardInterrupt(
-                f"{out}: {len(work.rows)} of {len(tasks)} files done; run the same command again to go on"
+                f"{out}: {len(work.rows)} of {len(tasks)} files done; run the same command again to resume"
             ) from None
         result = _write(out, [work.rows[task.name] for task in tasks], config)
         if dataset:
@@ -140,5 +141,8 @@ def _result(rows: Sequence[Row], config: Mapping[str, Any]) -> dict[str, Any]:
 def found_nothing(sources: Sequence[str | Path], result: Mapping[str, Any]) -> KinemimicError:
     """The error about sources without a capture."""
     reasons = list(result["other"].values()) or ["it is empty"]
-    more = f"; {len(reasons) - 1} other files are no captures either" if len(reasons) > 1 else ""
+    more = ""
+    if (others := len(reasons) - 1) > 0:
+        verb, noun = ("is", "capture") if others == 1 else ("are", "captures")
+        more = f"; {plural(others, 'other file')} {verb} no {noun} either"
     return KinemimicError(f"{os.fspath(sources[0])}: expected captures, found none: {reasons[0]}{more}")

@@ -108,7 +108,7 @@ def clear_if_free(folder: Path) -> None:
 def clear(folder: Path) -> None:
     """Remove what the stages, and a process that was killed in one of them, left in a run folder.
 
-    For who holds it.
+    The caller must hold its lock.
     """
     for name in (RUN_FILE, "index.html", *(file for stage in STAGES for file in stage.writes)):
         for file in (*folder.glob(name), *folder.glob(f".{name}.*")):

@@ -15,6 +15,7 @@ import click
 from kinemimic.evaluate.batch.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
 from kinemimic.evaluate.batch.task import TARGETS
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.main import BAD_INPUT
 from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
 from kinemimic.pipeline.cli.terminal import show
@@ -39,9 +40,9 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": 
                    "Default: up to the first underscore.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
               help="Captures processed in parallel; default: one per core.")  # fmt: skip
-@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
+@click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip
-@click.option("--limit-memory", "memory", type=click.FloatRange(min=0.5), metavar="GIB", default=MEMORY_GIB,
+@click.option("--limit-memory", "memory", type=FiniteRange(min=0.5), metavar="GIB", default=MEMORY_GIB,
               show_default=True, help="Memory allowed for one capture.")  # fmt: skip
 @ray_option
 @click.option("--overwrite", is_flag=True, help="Also process captures whose result is up to date.")

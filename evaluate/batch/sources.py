@@ -25,7 +25,7 @@ def paths_of(sources: Sequence[str | Path]) -> list[Path]:
     A source is a path, a pattern (`walks/**/*.bvh`), `COLLECTION` or `COLLECTION/FILE` of the catalogue,
     whose files must have been fetched, or `@FILE`, a text file with a source on each line (empty lines and
     lines that begin with # are ignored; paths in it are relative to the current folder, like all others).
-    What exists under a name is taken before what the catalogue has under it.
+    An existing path takes precedence over a catalogue entry of the same name.
     KinemimicError for a source that is none of these, naming the line of a list.
     """
     return [path for source in sources for path in _paths(str(source), str(source), 0)]

@@ -1,4 +1,4 @@
-"""The work of a batch: which captures are waiting, who carries them out, and what is kept of each.
+"""The work of a batch: the captures that wait, the executor that processes them, and the rows that are kept.
 
 Each capture is claimed while this process works on it. One that another batch has claimed is left for the
 end, when that batch has usually finished it.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ class BatchWork:
                     kept = None if self._overwrite else self._state.get(task.name)
                     resume = kept is not None and executor.shares_disk and resumable(task, kept)
                     try:
-                        sent = packed(_resumed(task, resume))
+                        sent = packed(replace(task, resume=resume))
                     except (KinemimicError, OSError) as error:
                         self._keep(task, _failed(task, one_line(error)), advance)
                         continue
@@ -131,10 +132,6 @@ def _size(capture: Path) -> int:
         return sum(file.stat().st_size for file in files)
     except OSError:
         return 0
-
-
-def _resumed(task: Task, resume: bool) -> Task:
-    return Task(task.capture, task.folder, task.options, task.to, task.name, resume)
 
 
 def _failed(task: Task, reason: str) -> Kept:

@@ -138,7 +138,7 @@ def layers(value: str) -> tuple[int, ...]:
     except ValueError:
         units = ()
     if not units or min(units) < 1:
-        raise click.BadParameter(f"expected sizes such as 128,64, found {value!r}")
+        raise click.BadParameter(f"expected sizes such as 128,64, found {value!r}", param_hint="'--hidden'")
     return units
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from kinemimic.evaluate.export.motion_source import fall_of, figures_of
 from kinemimic.evaluate.film.figures import COLORS, NAMES, REFERENCE, SIMULATED
-from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.retarget.formats.gltf import Figure, write_glb
@@ -16,10 +16,10 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.formats.write_mcap_figures import write_mcap_figures
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
-from kinemimic.train.sim.world import CONTROL_RATE
 
 BOTH = "both"  # the name of this subject
-_ROLLOUT = 0  # from phase 0
+_BOTH = ("motion.json", "trajectory.npz")
+_BOTH = ("motion.json", "trajectory.npz")  # the files that it is made of
 _GHOST = 0.4  # opacity of the reference
 
 
@@ -35,34 +35,24 @@ class Pair:
 
 def has_both(run: Path) -> bool:
     """Whether a run folder has a trajectory and its motion."""
-    return all((run / name).is_file() for name in ("motion.json", "trajectory.npz"))
+    return all((run / name).is_file() for name in _BOTH)
 
 
 def pair_of_run(run: Path) -> Pair:
     """The rollout from phase 0, with the reference at each of its frames."""
     motion, path = read_motion_json(run / "motion.json"), run / "trajectory.npz"
     played = Trajectory.load(path, motion)
+    simulated, reference = figures_of(played, motion)
 
-    def figure(kind: int, root: Array, rotations: Array, opacity: float) -> Figure:
+    def figure(kind: int, moved: Motion, opacity: float) -> Figure:
         # A colour of a picture is not linear in light; the exponent is that of screens.
         red, green, blue = ((channel / 255) ** 2.2 for channel in COLORS[kind])
-        moved = Motion(
-            rate=CONTROL_RATE, root=root[_ROLLOUT], rotations=rotations[_ROLLOUT],
-            contacts=played.contacts[_ROLLOUT], cyclic=False, offsets=motion.offsets,
-            provenance=motion.provenance,
-        )  # fmt: skip
         return Figure(NAMES[kind], moved, (red, green, blue, opacity))
 
-    fallen = int(played.fallen_at[_ROLLOUT])
-    remarks = ["from a SIMULATED capture"] if motion.simulated else []
-    if fallen < played.root.shape[1]:
-        remarks.append(f"falls at frame {fallen}")
+    remarks = ["from a SIMULATED capture" if motion.simulated else "", fall_of(played)]
     return Pair(
-        (
-            figure(SIMULATED, played.root, played.rotations, 1.0),
-            figure(REFERENCE, played.reference_root, played.reference_rotations, _GHOST),
-        ),
-        "; ".join(remarks),
+        (figure(SIMULATED, simulated, 1.0), figure(REFERENCE, reference, _GHOST)),
+        "; ".join(remark for remark in remarks if remark),
         {"motion": motion.identity, "trajectory": file_hash(path)},
         motion.provenance,
     )
@@ -75,9 +65,9 @@ PAIR_WRITERS: dict[str, Callable[[Path, Pair, Mapping[str, Any]], None]] = {
 
 
 def require_both(run: Path) -> None:
-    """KinemimicError if a run folder has no trajectory."""
-    if not has_both(run):
+    """KinemimicError if a run folder lacks the motion or the trajectory."""
+    if missing := [name for name in _BOTH if not (run / name).is_file()]:
         raise KinemimicError(
-            f"{run}: expected motion.json and trajectory.npz for a recording of both figures, found "
-            "not both; run `kinemimic evaluate` first"
+            f"{run}: expected {' and '.join(_BOTH)} for a recording of both figures, found no "
+            f"{' and no '.join(missing)}; run `kinemimic evaluate` first"
         )

@@ -31,6 +31,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, write_note
 from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.stage import reading, stage
 from kinemimic.pipeline.writers.bvh import write_bvh
@@ -43,12 +44,12 @@ from kinemimic.retarget.formats.mjcf import humanoid_mjcf
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.formats.urdf import humanoid_urdf
 from kinemimic.retarget.formats.write_mcap import write_mcap
-from kinemimic.train.sim.world import FRICTION, GRAVITY, TIME_STEP
+from kinemimic.train.sim.world import FRICTION, TIME_STEP
 
 WRITERS: dict[str, Callable[[Path, MotionSource], None]] = {
     "bvh": lambda path, of: write_bvh(path, of.poses),
     "trc": lambda path, of: write_trc(path, of.clip),
-    "mot": lambda path, of: write_mot(path, of.on_nodes),
+    "mot": lambda path, of: write_mot(path, of.on_nodes, measured=of.own_motion is None),
     "csv": lambda path, of: write_csv(path, of.clip, of.angles),
     "npz": lambda path, of: write_npz(path, of.poses),
     "deepmimic": lambda path, of: write_deepmimic(path, of.with_closing_frame, loop=of.motion.cyclic),
@@ -59,6 +60,8 @@ WRITERS: dict[str, Callable[[Path, MotionSource], None]] = {
 ENDINGS: dict[str, str] = {name: f".{name}" for name in WRITERS} | {"deepmimic": ".deepmimic.json"}
 GLB, URDF, MJCF, ONNX = "glb", "urdf", "mjcf", "onnx"
 FORMATS: tuple[str, ...] = (*WRITERS, GLB, URDF, MJCF, ONNX)
+# Formats of the humanoid and the policy, which hold no motion.
+NO_MOTION: tuple[str, ...] = (URDF, MJCF, ONNX)
 # The subfolder of RUN/export for each format, named after who opens it.
 FOLDERS: dict[str, str] = {
     "bvh": "blender", "trc": "opensim", "mot": "opensim", "csv": "tables", "npz": "python",
@@ -112,7 +115,8 @@ def export(
         made = source.simulated or what == "simulated"
         # First, so that a file from a simulation always has its sidecar file.
         for path in sorted({note_path(path) for path in paths.values()}):
-            write_note(path, {**source.provenance, "simulated": made, **made_by})
+            note = {**source.provenance, "simulated": made, "starts_at_s": source.starts_at, **made_by}
+            write_note(path, note)
         for form, path in paths.items():
             WRITERS[form](path, source)
             written.append(ExportedFile(path, what, form, *source.size(form), source.note(form)))
@@ -130,8 +134,8 @@ def export(
         if form in wanted:
             path = place[form] / f"{name}-humanoid.{ending}"
             write_text(path, text())
-            note = "15 bodies, ball joints as three hinges"
-            written.append(ExportedFile(path, "humanoid", form, None, None, note))
+            hinges = "15 bodies, ball joints as three hinges"
+            written.append(ExportedFile(path, "humanoid", form, None, None, hinges))
     if ONNX in wanted and policy is not None:
         path = place[ONNX] / f"{name}-policy.onnx"
         written.append(ExportedFile(path, "policy", ONNX, None, None, _write_onnx(path, policy)))
@@ -148,14 +152,19 @@ def export_run(
 ) -> list[ExportedFile]:
     """Write motions of a run, its policy and the body for other programs.
 
-    what: of SOURCES, or BOTH; empty takes all that are there. formats: of FORMATS; "all" skips ONNX if it is
-    not installed or there is no policy. out: a folder without subfolders, by default run/export/PROGRAM.
-    number: of the pass of the capture, by default the longest.
+    what: of SOURCES, or BOTH; empty takes all that are there, the body and the policy. formats: of FORMATS,
+    and not of NO_MOTION with `what`; "all" skips ONNX if it is not installed or there is no policy. out: a
+    folder without subfolders, by default run/export/PROGRAM. number: of the pass of the capture, by default
+    the longest.
     """
     chosen = FORMATS if "all" in formats else formats
+    if what and (bodies := [form for form in formats if form in NO_MOTION]):
+        raise KinemimicError(f"expected formats of a motion, found {', '.join(bodies)}; leave out `what`")
+    if what:
+        chosen = [form for form in chosen if form not in NO_MOTION]
     # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
     policy: Path | None = run / POLICY
-    if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
+    if what or (ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file())):
         policy = None
     with stage(run, "export", adds=True) if out is None else reading(run, "export") as staging:
         if BOTH in what or GLB in formats:
@@ -166,11 +175,23 @@ def export_run(
         if policy is not None or pair is not None or "simulated" in sources:
             say(unfinished_policy(run) or unfinished_rollouts(run))
         into = out or Path(staging or run) / "export"
+        if out is not None:
+            _make(out)
         written = export(sources, chosen, into, run.resolve().name, policy, pair, subfolders=out is None)
     if out is None:
         written = [replace(one, path=run / "export" / one.path.relative_to(into)) for one in written]
         write_index(run)
     return written
+
+
+def _make(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise KinemimicError(
+            f"--out: expected a folder that exists or can be made, found {out} "
+            f"({(error.strerror or '').lower()}); choose another folder"
+        ) from None
 
 
 def _write_onnx(path: Path, policy: Path) -> str:
@@ -193,6 +214,8 @@ def _check_options(
     """UsageError for options that exclude each other."""
     if recover and source is None:
         raise click.UsageError("--recover needs --from with the damaged file")
+    if what and (named := [form for form in formats if form in NO_MOTION]):
+        raise click.UsageError(f"{' and '.join(named)}: not a motion; leave out --what")
     if source is not None and ONNX in formats:
         raise click.UsageError("--from is a motion without a policy: leave out --format onnx")
     if source is not None and (what or number is not None):
@@ -213,7 +236,7 @@ def _check_options(
     "--what",
     multiple=True,
     type=click.Choice((*SOURCES, BOTH)),
-    help="Motion to export; repeatable. Default: all.",
+    help="Motion to export, without humanoid and policy; repeatable. Default: all.",
 )
 @click.option(
     "--format",

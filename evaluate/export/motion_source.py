@@ -17,12 +17,15 @@ from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.rotations import continuous
+from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 from kinemimic.pipeline.writers.poses import Poses, poses_of_clip
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.formats.poses import motion_of_poses, poses_of_motion
 from kinemimic.retarget.formats.read_mcap import read_mcap, recover_mcap
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -44,15 +47,17 @@ _RIGID = ("json", "mcap")
 class MotionSource:
     """One motion in the forms that writers take, each computed on demand.
 
-    clip: the original frames with their gaps and times; poses: at a constant rate without gaps; on_nodes: the
-    same for the 20 nodes; with_closing_frame: also with a cycle's first frame repeated at its end; motion: as
-    a Motion; angles: knee and hip angles (T,) in radians on the clip's frames.
+    clip: the original frames with their gaps and times, from 0; poses: at a constant rate without gaps;
+    on_nodes: the same for the 20 nodes; with_closing_frame: also with a cycle's first frame repeated at its
+    end; motion: as a Motion; angles: knee and hip angles (T,) in radians on the clip's frames. starts_at: the
+    first frame's time in seconds in the capture, or in the motion that a rollout follows.
     """
 
     clip: Clip
     remark: str
     inputs: Mapping[str, str]
     own_motion: Motion | None = None
+    starts_at: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -68,7 +73,11 @@ class MotionSource:
         if self.own_motion:
             return self.poses
         # Rotations that positions do not determine (head, feet, forearms) are kept if they were recorded.
-        return poses_of_clip(replace(self._nodes, rotations=node_rotations_of(self.clip).rotations))
+        return poses_of_clip(replace(self._nodes, rotations=self._rotations))
+
+    @cached_property
+    def _rotations(self) -> Array:
+        return node_rotations_of(self.clip).rotations
 
     @cached_property
     def with_closing_frame(self) -> Poses:
@@ -86,9 +95,10 @@ class MotionSource:
 
     @cached_property
     def angles(self) -> Mapping[str, Array]:
-        return (
-            joint_angles(self.own_motion.rotations) if self.own_motion else leg_angles(self._nodes.positions)
-        )
+        if self.own_motion:
+            return joint_angles(self.own_motion.rotations)
+        # Hips are relative to the same pelvis as in the formats of poses, which may be a recorded one.
+        return leg_angles(self._nodes.positions, self._rotations[:, 0], times=self.clip.times)
 
     def size(self, form: str) -> tuple[int, float]:
         """Number of frames and frame rate (Hz) in a format."""
@@ -148,20 +158,27 @@ def _capture(run: Path, number: int | None) -> MotionSource:
         counts = [int((clip.passes == one).sum()) for one in there]
         number = int(there[int(np.argmax(counts))]) if len(there) else 0
     if number not in there:
-        passes = f"{len(there)} passes, counted from 0" if len(there) else "no pass with a person in it"
+        passes = (
+            f"{plural(len(there), 'pass', 'passes')}, counted from 0"
+            if len(there)
+            else "no pass with a person in it"
+        )
         raise KinemimicError(f"{path}: expected pass {number}, found {passes}")
     remark = f"pass {number} of {len(there)}" if len(there) > 1 else ""
+    shown = select_frames(clip, clip.passes == number)
+    start = float(shown.times[0])
     return MotionSource(
-        select_frames(clip, clip.passes == number),
+        replace(shown, times=shown.times - start),
         remark,
         {"clip": file_hash(path)},
+        starts_at=start,
         provenance=clip.provenance,
     )
 
 
-def _of_motion(motion: Motion, remark: str, inputs: Mapping[str, str]) -> MotionSource:
+def _of_motion(motion: Motion, remark: str, inputs: Mapping[str, str], start: float = 0.0) -> MotionSource:
     clip = replace(poses_of_motion(motion).clip(), provenance=motion.provenance)
-    return MotionSource(clip, remark, inputs, motion, motion.provenance)
+    return MotionSource(clip, remark, inputs, motion, start, motion.provenance)
 
 
 def _reference(run: Path) -> MotionSource:
@@ -170,22 +187,47 @@ def _reference(run: Path) -> MotionSource:
 
 
 def _simulated(run: Path) -> MotionSource:
-    """The rollout from phase 0; its first frame is the state after one control step."""
+    """The rollout from phase 0."""
     reference, path = read_motion_json(run / "motion.json"), run / "trajectory.npz"
     trajectory = Trajectory.load(path, reference)
-    fallen = int(trajectory.fallen_at[_ROLLOUT])
-    motion = Motion(
-        rate=CONTROL_RATE,
-        root=trajectory.root[_ROLLOUT],
-        rotations=trajectory.rotations[_ROLLOUT],
-        contacts=trajectory.contacts[_ROLLOUT],
-        cyclic=False,
-        offsets=reference.offsets,
-        provenance=reference.provenance,
-    )
-    remark = f"falls at frame {fallen}" if fallen < len(motion.root) else ""
+    motion, _ = figures_of(trajectory, reference)
     inputs = {"motion": reference.identity, "trajectory": file_hash(path)}
-    return _of_motion(motion, remark, inputs)
+    start = float(trajectory.start_phases[_ROLLOUT]) * reference.duration
+    return _of_motion(motion, fall_of(trajectory), inputs, start)
+
+
+def figures_of(trajectory: Trajectory, motion: Motion) -> tuple[Motion, Motion]:
+    """The humanoid and its reference in the rollout from phase 0; motion: the one that it follows.
+
+    Frame f is f control steps after the start. A trajectory has no frame 0: there the humanoid is placed in
+    the reference's pose, with the contacts of a step later.
+    """
+    reference, start = Reference(motion), trajectory.start_phases[[_ROLLOUT]]
+    root, rotations = reference.root(start), reference.nodes(start)
+    touching = trajectory.contacts[_ROLLOUT]
+
+    def figure(roots: Array, turns: Array) -> Motion:
+        return Motion(
+            rate=CONTROL_RATE,
+            root=np.concatenate([root, roots[_ROLLOUT]]),
+            rotations=continuous(np.concatenate([rotations, turns[_ROLLOUT]])),
+            contacts=np.concatenate([touching[:1], touching]),
+            cyclic=False,
+            offsets=motion.offsets,
+            provenance=motion.provenance,
+        )
+
+    return (
+        figure(trajectory.root, trajectory.rotations),
+        figure(trajectory.reference_root, trajectory.reference_rotations),
+    )
+
+
+def fall_of(trajectory: Trajectory) -> str:
+    """A remark on the fall in the rollout from phase 0, empty without one."""
+    fallen = int(trajectory.fallen_at[_ROLLOUT])
+    at = (fallen + 1) / CONTROL_RATE
+    return f"falls at {at:.2f} s" if fallen < trajectory.root.shape[1] else ""
 
 
 def source_of_mcap(path: Path, *, recover: bool) -> MotionSource:

@@ -16,9 +16,10 @@ from kinemimic.evaluate.batch.batch import TIMEOUT, batch
 from kinemimic.evaluate.batch.command import STAGE_OPTIONS
 from kinemimic.evaluate.batch.sources import paths_of, run_folders
 from kinemimic.evaluate.workflow.run import for_tracker, passed_on, stage_options
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import show
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.retarget.dataset.split import SUBJECT, subject_in, subject_pattern
 
@@ -58,7 +59,7 @@ def library(
 
     pattern, options = subject_pattern(subject), for_tracker(options or {})
     runs = out / "runs"
-    _require_subjects([file.name for file in run_folders(paths_of(sources), runs)], pattern, test)
+    _require_subjects([*run_folders(paths_of(sources), runs)], pattern, test)
     rows = batch(sources, runs, options=options, jobs=jobs, timeout=timeout, dataset=False)["captures"]
     if not rows:
         raise KinemimicError(f"{sources[0]}: expected captures, found none")
@@ -110,14 +111,25 @@ def library(
     return write_library(out, MotionLibrary.of(motions, entries), described)
 
 
-def _require_subjects(names: Sequence[str], pattern: re.Pattern[str], test: Collection[str]) -> None:
+def _require_subjects(files: Sequence[Path], pattern: re.Pattern[str], test: Collection[str]) -> None:
     """KinemimicError if no file's name has a person, or none has one of `test`. Which files are captures is
     not known yet: other names without a person are no error here."""
-    found = {subject for name in names if (subject := subject_in(name, pattern)) is not None}
-    if names and not found:
-        raise _without_subject(names[0])
-    if names:
-        _require_known(test, found)
+    found = {file: subject for file in files if (subject := subject_in(file.name, pattern)) is not None}
+    if files and not found:
+        raise _without_subject(files[0].name)
+    if files and set(test) - set(found.values()):
+        _require_known(test, {subject for file, subject in found.items() if _is_capture(file)})
+
+
+def _is_capture(file: Path) -> bool:
+    from kinemimic.pipeline.readers.base.source import Source  # noqa: PLC0415 (import cost)
+    from kinemimic.pipeline.readers.recognise import reader_of  # noqa: PLC0415
+
+    try:
+        reader_of(Source.open(file))
+    except (CaptureError, OSError):
+        return False
+    return True
 
 
 def _require_known(test: Collection[str], subjects: Collection[str]) -> None:
@@ -177,7 +189,7 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
               help="Random seed of variants and exercises.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
               help="Captures processed in parallel; default: one per core.")  # fmt: skip
-@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
+@click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip
 @json_option("Print library.json.")
 def command(

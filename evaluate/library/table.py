@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table
-from kinemimic.pipeline.quality.rules.defect import plural
+from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.library.motion_library import Entry
 
 

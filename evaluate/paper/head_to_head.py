@@ -32,7 +32,7 @@ def head_to_head(
     fall, and `loss` and `lead` (`lead.py`). Trial k is the same for all policies: start phase and draws
     depend on seed and k alone.
 
-    trials: of every policy; workers: processes (default: all cores); executor: who carries out the trials, in
+    trials: of every policy; workers: processes (default: all cores); executor: what runs the tasks, in
     place of them; over: name -> name whose lead over it is computed, in scenarios with both; otherwise the
     lead is None; progress: called with the share of trials finished since the last call.
     """

@@ -85,7 +85,7 @@ def rooms(
 
     Walk k of a policy uses the same room for all. shown: the walk where the first algorithm's mean
     `r2_upright` of knee and hip is the median (the lower of the middle two), and for the others the walk of
-    their same seed through that room; executor: who carries out the walks, by default `workers` processes of
+    their same seed through that room; executor: what runs the tasks, by default `workers` processes of
     this machine; progress: called with the share of walks finished since the last call.
     """
     walks = [

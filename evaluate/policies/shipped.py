@@ -23,6 +23,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.policy import Policy
@@ -30,6 +31,7 @@ from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.tracker.suitability import unsuitable
 
 POLICY, RECORD, MOTION, SCORES = "policy.safetensors", "policy.json", "motion.json", "scores.json"
+GAIT = "gait.json"
 # Relative, of duration, advance and height: another version of numpy changes the last digits of a rebuilt
 # motion, another version of `retarget` improves it slightly, and the policy performs as well on either.
 _TOLERANCE = 0.01
@@ -96,7 +98,9 @@ class ShippedPolicies:
                 f"{run / MOTION}: expected a motion for {name} to perform, found no file; "
                 f"`kinemimic run CAPTURE --policy {name}` makes one"
             )
-        if found := unsuitable(read_motion_json(run / MOTION)):
+        motion = read_motion_json(run / MOTION)
+        report = read_gait_json(run / GAIT, motion) if (run / GAIT).exists() else None
+        if found := unsuitable(motion, report):
             raise KinemimicError(
                 f"{run / MOTION}: expected a motion on two feet, which {name} has learned, found {found}; "
                 "train a policy for it: `kinemimic train`"

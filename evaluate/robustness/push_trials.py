@@ -28,7 +28,8 @@ from kinemimic.train.task.env import ImitationBatch
 
 SETTLE = CONTROL_RATE  # control steps: 1 s
 PUSH = CONTROL_RATE // 5  # 0.2 s
-# 5 s, four cycles of a walk: of a default policy's 83 falls by 60, 80, 100 N two came later, half by 1.5 s.
+# 5 s, four cycles of a walk: of 83 falls of a default policy after pushes of 60, 80 and 100 N, half came
+# within 1.5 s and two after 5 s.
 SURVIVE = 5 * CONTROL_RATE
 PELVIS = BODY_INDEX["pelvis"]
 

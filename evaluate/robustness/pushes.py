@@ -95,10 +95,10 @@ def _pushes(run: Path, *, phases: int, workers: int | None, engine: str) -> dict
     }
 
 
-def survived(borders: Sequence[float], percent: int) -> float:
+def force_survived_by(thresholds: Sequence[float], percent: int) -> float:
     """The largest force, N, below the thresholds of at least `percent` % of the phases."""
-    needed = -(-percent * len(borders) // 100)
-    return sorted(borders, reverse=True)[needed - 1]
+    needed = -(-percent * len(thresholds) // 100)
+    return sorted(thresholds, reverse=True)[needed - 1]
 
 
 def summary(found: Sequence[Sequence[SearchResult]]) -> dict[str, Any]:
@@ -111,10 +111,10 @@ def summary(found: Sequence[Sequence[SearchResult]]) -> dict[str, Any]:
     directions: dict[str, Any] = {}
     for k, name in enumerate(DIRECTIONS):
         ones = [phase[k] for phase in found]
-        borders = [one.threshold for one in ones]
+        thresholds = [one.threshold for one in ones]
         directions[name] = {
-            "survived_n": {str(percent): survived(borders, percent) for percent in SHARES},
-            "thresholds_n": borders,
+            "survived_n": {str(percent): force_survived_by(thresholds, percent) for percent in SHARES},
+            "thresholds_n": thresholds,
             "grid": np.mean([one.grid for one in ones], axis=0).tolist(),
         }
     return {

@@ -119,7 +119,7 @@ def run_all_trials(
 ) -> list[Trials]:
     """The trials of each group of tasks, in parallel; progress: called with the number of finished tasks.
 
-    executor: who carries them out; by default `workers` processes of this machine.
+    executor: what runs the tasks; by default `workers` processes of this machine.
     """
     tasks = list(chain(*groups))
     parts = iter(

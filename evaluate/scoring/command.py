@@ -36,6 +36,8 @@ from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.run_folder.capture import run_flag
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.config.config import TrainConfig
@@ -135,7 +137,7 @@ def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
 
 def table(scores: dict[str, Any], run: Path) -> RenderableType:
     """The scores as text for a terminal: the verdict, then medians over the start phases."""
-    found = verdict(scores)
+    found = verdict(scores, run_flag(run))
     fit, nothing = scores["fit"]["phases"], scores["no_policy"]["fit"]["phases"]
     survived, alone = scores["survival"], scores["no_policy"]["survival"]
     root, torque = scores["root"]["phases"], scores["torque"]
@@ -151,9 +153,9 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         grid.add_row(label, *cells)
     grid.add_row("fitting degree (*)", "", "", f"{PAPER_FIT['knee']:.3f}", "", "", f"{PAPER_FIT['hip']:.3f}")
     lines = [
-        f"medians over {survived['phases_of']} start phases: upright for {survived['frames_median']:.0f} of "
+        f"{_over(survived['phases_of'])}: upright for {survived['frames_median']:.0f} of "
         f"{survived['of']} frames (no policy: {alone['frames_median']:.0f}), no fall from "
-        f"{survived['phases']} of {survived['phases_of']} phases (no policy: {alone['phases']})",
+        f"{survived['phases']} of {plural(survived['phases_of'], 'phase')} (no policy: {alone['phases']})",
         f"speed relative to the reference {number(median(root['speed_ratio']), 3)}, final distance "
         f"{number(median(root['path_error_m']), 2)} m; largest torque about one axis "
         f"{number(torque['peak'], 0)} of {number(torque['limit'], 0)} N·m ({torque['joint']})",
@@ -188,6 +190,10 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
     )
 
 
+def _over(phases: int) -> str:
+    return "from the only start phase" if phases == 1 else f"medians over {phases} start phases"
+
+
 def tracking_line(tracking: Mapping[str, Any]) -> str:
     """Success and errors of all joints, as one line of text."""
     phases = tracking["phases"]
@@ -195,7 +201,7 @@ def tracking_line(tracking: Mapping[str, Any]) -> str:
     overall, local, velocity, acceleration = (number(value, 1) for value in medians)
     return (
         f"all joints within {FAILURE_DISTANCE} m on average from {phases['succeeded']} of "
-        f"{phases['of']} phases; "
+        f"{plural(phases['of'], 'phase')}; "
         f"MPJPE {overall} mm, root-relative {local} mm; E_vel {velocity} mm/frame, "
         f"E_acc {acceleration} mm/frame²"
     )

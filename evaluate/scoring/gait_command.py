@@ -20,10 +20,11 @@ from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
 from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.cli.terminal import show
-from kinemimic.pipeline.convert import read_converted
+from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
+from kinemimic.pipeline.locomotion.no_walk import why_no_walk
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -61,7 +62,7 @@ def _gait(run: Path, out: Path) -> dict[str, Any]:
     if not report["subjects"]:
         raise KinemimicError(
             f"{run}: expected a gait with at least one full stride, found none in capture, reference or "
-            f"simulation{_recorded(capture)}; record two or more strides of walking or running"
+            f"simulation{_recorded(run, capture)}; record two or more strides of walking or running"
         )
     # The report names its person after the recording, and says whether a camera was there.
     report["recording"], report["simulated"] = _recording(run, motion)
@@ -85,10 +86,14 @@ def _recording(run: Path, motion: Motion | None) -> tuple[str | None, bool]:
     return (Path(str(source)).name if source else None), simulated
 
 
-def _recorded(capture: GaitSubject | None) -> str:
-    """Duration and foot strikes of a capture without a full stride."""
+def _recorded(run: Path, capture: GaitSubject | None) -> str:
+    """Duration and foot strikes of a capture without a full stride, or why its strides are no walk."""
     if capture is None:
         return ""
+    if not capture.gait.bouts:
+        clip = on_nodes(read_converted(run))
+        if found := why_no_walk(clip.times, clip.passes, clip.positions):
+            return f"; the capture has {found}"
     seconds = sum(
         float(np.ptp(capture.times[capture.passes == k])) for k in set(capture.passes[capture.passes >= 0])
     )

@@ -97,7 +97,7 @@ def _off_axis(subject: GaitSubject) -> dict[str, dict[str, float]] | None:
     if subject.off_axis is None:
         return None
     found: dict[str, dict[str, float]] = {}
-    for side in SIDES:
+    for side in subject.off_axis:
         rows = np.degrees(_rows(subject, subject.off_axis[side], side))
         rows = rows[np.isfinite(rows).all(axis=1)]
         if len(rows):

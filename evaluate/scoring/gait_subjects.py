@@ -42,8 +42,8 @@ class GaitSubject:
 
     times: (T,) seconds within each pass; passes: (T,) number of the pass, -1 for excluded frames; gait: the
     strides; angles: curves (T,) in radians by name ("knee_left", …, and "ankle_left" if feet were measured);
-    off_axis: (T,) radians by side, or None; contacts: (T, 2) contact of left and right foot, or None; notes:
-    remarks for the report.
+    off_axis: (T,) radians by side that shows it, or None; contacts: (T, 2) contact of left and right foot, or
+    None; notes: remarks for the report.
     """
 
     times: Array
@@ -57,12 +57,12 @@ class GaitSubject:
 
 @dataclass(frozen=True)
 class _Reliability:
-    """Judgement by `retarget`: whether pelvis and feet are reliable; trunk_lean, sole_pitch: radians, forward
-    and toes down."""
+    """Judgement by `retarget`: whether pelvis and feet are reliable; pelvis_pitch, sole_pitch: radians,
+    forward and toes down."""
 
     pelvis: bool = True
     feet: bool = False
-    trunk_lean: float = 0.0
+    pelvis_pitch: float = 0.0
     sole_pitch: float = 0.0
 
 
@@ -85,18 +85,17 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
     notes = ["simulated capture (virtual Kinect)"] if source.simulated else []
     pelvis = None
     if not reliable.pelvis:
-        pelvis = _neutral_pelvis(clip, gait, reliable.trunk_lean)
+        pelvis = _neutral_pelvis(clip, gait, reliable.pelvis_pitch)
         notes.append("pelvis not repeatable and taken as upright: hip angles are relative to the heading")
-    angles = leg_angles(clip.positions, pelvis)
+    angles = leg_angles(clip.positions, pelvis, times=clip.times)
     if reliable.feet and not {"foot_left", "foot_right"} & set(derived_nodes(source)):
         # Soles are flat in stance; an apparent slope is due to where the sensor or marker set has the toe.
         ankles = _ankles(node_rotations(clip.positions))
         angles |= {name: ankle + reliable.sole_pitch for name, ankle in ankles.items()}
     else:
         notes.append("no ankle angles: feet not captured reliably, or retarget has not been run")
-    knees = _own_knees(run, source)
-    if knees is None:
-        notes.append("off-axis knee rotation is unknown: the capture holds positions only")
+    knees, unknown = _own_knees(run, source)
+    notes += unknown
     return GaitSubject(clip.times, clip.passes, gait, angles, knees, None, tuple(notes))
 
 
@@ -116,8 +115,10 @@ def _read_reliability(path: Path) -> _Reliability:
         return _Reliability()
     try:
         found = read_gait_json(path).get("reliability", {})
+        # Earlier versions gave the pelvis the trunk's lean.
+        pelvis = found.get("pelvis_pitch_deg", found.get("trunk_lean_deg"))
         lean, pitch = (
-            float(np.radians(found.get(name) or 0.0)) for name in ("trunk_lean_deg", "planted_foot_pitch_deg")
+            float(np.radians(value or 0.0)) for value in (pelvis, found.get("planted_foot_pitch_deg"))
         )
         return _Reliability(bool(found.get("pelvis", True)), bool(found.get("feet", False)), lean, pitch)
     except (AttributeError, TypeError):
@@ -188,13 +189,16 @@ def _neutral_pelvis(clip: Clip, gait: Gait, lean: float) -> Array:
     return frames
 
 
-def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
-    """Off-axis rotation of the knees; None for a capture of positions only."""
+def _own_knees(run: Path, source: Clip) -> tuple[dict[str, Array] | None, list[str]]:
+    """Off-axis rotation (T,) by side, without a side that does not show it (None if neither does), and notes
+    that say why."""
+    missing = "off-axis knee rotation is unknown:"
     recorded = read_clip(run / "clip.parquet")
     joints = joints_by_name(source.skeleton.names)
     if source.rotations is None or (recorded.rotations is None and recorded.euler is None):
-        return None
+        return None, [f"{missing} the capture holds positions only"]
     knees: dict[str, Array] = {}
+    notes = []
     for side in SIDES:
         knee, hip = joints[f"knee_{side}"], joints[f"hip_{side}"]
         turn, joint = source.rotations[:, knee], source.skeleton.parents[knee]
@@ -202,7 +206,10 @@ def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
         while joint not in (hip, -1):
             turn, joint = multiply(source.rotations[:, joint], turn), source.skeleton.parents[joint]
         swing = off_axis_of_fitted_hinge(turn) if joint == hip else None
-        if swing is None:
-            return None
-        knees[side] = swing
-    return knees
+        if swing is not None:
+            knees[side] = swing
+        elif joint == hip:
+            notes.append(f"{missing} the {side} knee hardly bends, so the axis of its hinge does not show")
+        else:
+            notes.append(f"{missing} the {side} knee does not hang from the hip")
+    return knees or None, notes

@@ -10,8 +10,11 @@ from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 
 
-def verdict(scores: Mapping[str, Any]) -> Verdict:
-    """The verdict on the rollouts of scores.json; also of an earlier version, which knew less."""
+def verdict(scores: Mapping[str, Any], where: str = "") -> Verdict:
+    """The verdict on the rollouts of scores.json; also of an earlier version, which knew less.
+
+    where: as of `judge`.
+    """
     survived, root = scores["survival"], scores["root"]
     fit, motion = scores["fit"]["phases"], scores.get("motion", {})
     return judge(
@@ -34,6 +37,7 @@ def verdict(scores: Mapping[str, Any]) -> Verdict:
             findings=tuple(motion.get("findings", ())),
         ),
         Training.of(scores["train"]),
+        where,
     )
 
 

@@ -11,25 +11,25 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
-from kinemimic.train.sim.world import GRAVITY, BodyStates
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_MASSES
+from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 
-# Radians of the target for a metre that the point is off. The stable PD takes a foot on the ground for a free
-# one and gives a twentieth of its stiffness: hence as much.
+# Radians of the target for a metre that the point is off. The stable PD treats a foot on the ground as free,
+# so it delivers a twentieth of its stiffness; the gains are that large to compensate.
 ANKLE_PITCH, ANKLE_ROLL, HIP_ROLL = 14.0, 8.0, 3.0
 MAX_ANKLE, MAX_HIP = 1.5, 0.6
 BEHIND_MIDDLE = 0.03  # m of the middle of the feet: a centimetre before the ankles
 # Metres that the point may be off for ankles and hips to hold the body.
 HOLDS = (0.14, 0.10)
-_MASSES = np.array([body.mass for body in BODIES])
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
 
 def off_balance(bodies: BodyStates) -> Array:
     """Where the first humanoid would fall to, (ahead, left) in metres of where it stands best."""
-    mass = _MASSES / _MASSES.sum()
+    mass = BODY_MASSES / BODY_MASSES.sum()
     centre, velocity = mass @ bodies.positions[0], mass @ bodies.linear[0]
     height = max(float(centre[2]), 0.3)
     off = (centre - bodies.positions[0, _FEET].mean(axis=0) + velocity * np.sqrt(height / GRAVITY))[:2]

@@ -13,6 +13,7 @@ import click
 
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.simulate.repertoire import MOTION, Repertoire
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
@@ -42,7 +43,12 @@ def replay_session(folder: Path) -> dict[str, Any]:
     # A session that a live capture drove has no motion.
     motion = read_motion_json(folder / MOTION) if (folder / MOTION).exists() else None
     write_replay(folder / REPLAY, frames, motion, replay.score)
-    return {"steps": len(frames), "score": None if replay.score is None else replay.score.to_json()}
+    shown = [frame.shown for frame in frames if frame.shown is not None]
+    return {
+        "steps": len(frames),
+        "people": max(one.people for one in shown) if shown else None,
+        "score": None if replay.score is None else replay.score.to_json(),
+    }
 
 
 def simulate(
@@ -60,7 +66,7 @@ def simulate(
     # Import cost, and viser may not be installed.
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415
     from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.loop import Loop, Performed  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.loop import Loop, Performance  # noqa: PLC0415
     from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
     from kinemimic.evaluate.simulate.recording import begin_session  # noqa: PLC0415
     from kinemimic.evaluate.simulate.session import Session  # noqa: PLC0415
@@ -68,14 +74,14 @@ def simulate(
 
     engine = resolve(engine)
     repertoire = Repertoire(run, run / "simulate")
-    performed = Performed(run, repertoire.own, repertoire.own)
+    performed = Performance(run, repertoire.own, repertoire.own)
 
-    def choose(policy: str, motion: str, speed: float) -> Performed:
+    def choose(policy: str, motion: str, speed: float) -> Performance:
         folder, performs = repertoire.prepared(policy, motion)
         faster = is_tracker(read_record((folder / POLICY).with_suffix(".json")))
-        return Performed(folder, policy, performs, speed if faster else 1.0)
+        return Performance(folder, policy, performs, speed if faster else 1.0)
 
-    def opened(chosen: Performed) -> Session:
+    def opened(chosen: Performance) -> Session:
         return begin_session(chosen.run, engine, restart=restart, speed=chosen.speed, named=scenario)
 
     choices = Choices(
@@ -106,7 +112,7 @@ def require_viser() -> None:
 @run_options()
 @click.option("--port", type=click.IntRange(1024, 65535), default=DEFAULT_PORT, show_default=True,
               help="Port on 127.0.0.1; the next free one if it is taken.")  # fmt: skip
-@click.option("--seconds", type=click.FloatRange(min=0.1), help="End after this time.")
+@click.option("--seconds", type=FiniteRange(min=0.1), help="End after this time.")
 @click.option("--restart/--no-restart", default=True, show_default=True,
               help="Put a humanoid that fell back onto its reference after 2 s.")  # fmt: skip
 @click.option("--replay", "is_recording", is_flag=True,
@@ -151,4 +157,6 @@ def _words(found: Mapping[str, Any]) -> str:
     from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
 
     score = found["score"]
+    if found["people"] == 0:
+        return "nobody was followed"
     return "too short for a score" if score is None else str(Score.from_json(score))

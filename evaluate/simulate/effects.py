@@ -9,18 +9,18 @@ import numpy as np
 
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
-from kinemimic.train.sim.world import CONTROL_RATE, GRAVITY, BodyStates
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_MASSES
+from kinemimic.train.sim.world import CONTROL_RATE, BodyStates
 
-_MASSES = np.array([body.mass for body in BODIES])
 # Of the spring's stiffness, s: without it, a dragged hand swings about the pointer.
 DAMPING = 0.08
 
 
 @dataclass
 class _Load:
-    """A wrench (6,) on a body since `age` control steps."""
+    """A wrench (6,) on a body for `steps` control steps, of which `age` have passed."""
 
     body: int
     wrench: Array
@@ -83,7 +83,7 @@ def slope_tilt(bodies: BodyStates, slope: float) -> Array:
 
 def weights(tilt: Array) -> Array:
     """Forces (15, 3) on the bodies of what a slope adds to gravity, (3,) m/s²."""
-    found: Array = _MASSES[:, None] * tilt
+    found: Array = BODY_MASSES[:, None] * tilt
     return found
 
 
@@ -98,7 +98,7 @@ def spring(drag: Drag, bodies: BodyStates) -> Array:
     grab, pointer = bodies.positions[0, body] + arm, np.array(drag.pointer)
     speed = bodies.linear[0, body] + np.cross(bodies.angular[0, body], arm)
     damping = DAMPING * drag.stiffness
-    heavier = 1.0 + (drag.stiffness * dt + damping) * dt / _MASSES[body]
+    heavier = 1.0 + (drag.stiffness * dt + damping) * dt / BODY_MASSES[body]
     force = (drag.stiffness * (pointer - grab - dt * speed) - damping * speed) / heavier
     size = float(np.linalg.norm(force))
     if size > drag.limit:

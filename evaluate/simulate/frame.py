@@ -43,17 +43,17 @@ class Frame:
     wanted: dict[str, float]
     terms: dict[str, float]
     fallen: bool
-    shown: Shown | None = None
+    shown: LiveView | None = None
 
 
 @dataclass(frozen=True)
-class Shown:
+class LiveView:
     """A live capture at the end of a control step.
 
     raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
     time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0
-    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: how
-    often a person was taken up; starved: whether no frame was due.
+    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: number
+    of times a person appeared; starved: whether no frame was due.
     """
 
     raw: Array
@@ -69,7 +69,7 @@ class LiveSettings(Struct, frozen=True):
     """How a live capture is followed.
 
     lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
-    humanoid onto its reference where a person is taken up, in place of setting out from standing.
+    humanoid onto its reference when a person appears, instead of letting it start from standing.
     """
 
     lag: Annotated[float, Meta(ge=0.0, le=1.0)] = LAG
@@ -90,9 +90,13 @@ class Score:
 
     def __str__(self) -> str:
         seconds = self.frames / CONTROL_RATE
+        knee, hip, speed = (
+            f"{value:.{digits}f}" if math.isfinite(value) else "undefined"
+            for value, digits in ((self.knee, 3), (self.hip, 3), (self.speed, 2))
+        )
         return (
-            f"last {seconds:.0f} s: R² of knee {self.knee:.3f}, hip {self.hip:.3f}, "
-            f"speed {self.speed:.2f}, upright in {self.upright} of {self.frames} steps"
+            f"last {seconds:.0f} s: R² of knee {knee}, hip {hip}, speed {speed}, "
+            f"upright in {self.upright} of {self.frames} steps"
         )
 
     def to_json(self) -> dict[str, float | None]:

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.simulate.balance import balance_actions, holds
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Shown
+from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView
 from kinemimic.evaluate.simulate.inputs import Enter, Input
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.capture import LiveCapture
 from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.live.performer import Performer
@@ -60,7 +61,7 @@ class LiveSession(Session):
         self._live = LiveReference(first.root, first.rotations)
         self._balance = 1.0  # share of balance in the actions
         self._placed_in: int | None = None
-        self._shown: Shown | None = None
+        self._shown: LiveView | None = None
         held = Motion(
             CONTROL_RATE, np.tile(first.root, (2, 1)), np.tile(first.rotations, (2, 1, 1)),
             np.zeros((2, 2), dtype=np.bool_), cyclic=False,
@@ -97,7 +98,7 @@ class LiveSession(Session):
         moment = self.capture.advance()
         performed = self.performer.perform(moment)
         self._live.append(performed.root, performed.rotations)
-        if performed.taken_up and self._place_there:
+        if performed.appeared and self._place_there:
             # When the humanoid comes to the person's first frames, behind the fade.
             self._placed_in = AHEAD + CONTROL_RATE // 2
         if self._placed_in is not None:
@@ -106,7 +107,7 @@ class LiveSession(Session):
                 self._placed_in = None
                 self._reset(0.0)
         nowhere = np.full((20, 3), np.nan)
-        self._shown = Shown(
+        self._shown = LiveView(
             raw=nowhere if moment is None else moment.raw,
             clean=nowhere if moment is None else moment.positions[moment.now],
             time=float("nan") if moment is None else moment.time,
@@ -155,6 +156,6 @@ class LiveSession(Session):
         return [
             *complaints,
             f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)",
-            f"{reading.layout.name}, {capture.frames} frames, {capture.window.late} late, "
-            f"{capture.sides.swaps} swapped, {shown.people} people",
+            f"{reading.layout.name}, {plural(capture.frames, 'frame')}, {capture.window.late} late, "
+            f"{capture.sides.swaps} swapped, {plural(shown.people, 'person', 'people')}",
         ]

@@ -15,12 +15,13 @@ from kinemimic.evaluate.simulate.recording import Recorder, next_folder
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.pipeline.plural import plural
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SHOW_INTERVAL = 6  # control steps between two updates of numbers and curves
 
 
-class Shown(Protocol):
+class PageView(Protocol):
     """What the loop needs of a page."""
 
     waiting: queue.Queue[Any]
@@ -33,7 +34,7 @@ class Shown(Protocol):
 
 
 @dataclass(frozen=True)
-class Performed:
+class Performance:
     """What is performed: the run folder with motion and policy, their names, the motion's speed."""
 
     run: Path
@@ -52,13 +53,13 @@ class Loop:
 
     def __init__(
         self,
-        performed: Performed,
-        page: Shown,
+        performed: Performance,
+        page: PageView,
         clock: Clock,
         *,
         engine: str,
-        open_session: Callable[[Performed], Session],
-        choose: Callable[[str, str, float], Performed],
+        open_session: Callable[[Performance], Session],
+        choose: Callable[[str, str, float], Performance],
         recordings: Path,
         frames: Callable[[float], Sequence[CapturedFrame]] | None = None,
         waits: bool = False,
@@ -186,8 +187,8 @@ class Loop:
         performed, session = self._performed, self.session
         doing = "paused" if self.paused else "fallen" if self._frame and self._frame.fallen else "upright"
         lines = [
-            f"**{performed.policy}** performs **{performed.motion}**: {doing}, {session.falls} falls, "
-            f"{session.step_count / CONTROL_RATE:.0f} s",
+            f"**{performed.policy}** performs **{performed.motion}**: {doing}, "
+            f"{plural(session.falls, 'fall')}, {session.step_count / CONTROL_RATE:.0f} s",
             str(session.score() or "score: after the first second"),
             f"{100.0 * self._clock.on_time:.1f} % of steps on time",
             *session.words(),

@@ -23,6 +23,10 @@ class Repertoire:
     def __init__(self, run: Path, folder: Path) -> None:
         self._run, self._folder = run, folder
         self._shipped = ShippedPolicies()
+        if not (run / MOTION).is_file():
+            raise KinemimicError(
+                f"{run / MOTION}: expected a file, found none; run `kinemimic retarget` first"
+            )
         self.any_motion = is_tracker(read_record((run / POLICY).with_suffix(".json")))
         with_motion = [name for name in self._shipped.names() if (POLICIES / name / MOTION).is_file()]
         taken = {*with_motion, *self._shipped.trackers()}

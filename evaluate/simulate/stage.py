@@ -13,21 +13,21 @@ import numpy as np
 import trimesh
 import viser
 
+from kinemimic.evaluate.film import arrow_scales
 from kinemimic.evaluate.film.figures import COLORS, REFERENCE, SIMULATED
 from kinemimic.evaluate.film.solids import shaded_side
 from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
-from kinemimic.train.sim.world import GRAVITY, BodyStates, Obstacle
+from kinemimic.train.sim.world import BodyStates, Obstacle
 
 FOLLOWED = "/followed"
-FORCE_SCALE, CONTACT_SCALE = 200.0, 1000.0  # N to a metre of arrow
-TORQUE_SCALE = 50.0  # N·m to a metre of arrow
 MIN_FORCE, MIN_TORQUE = 5.0, 1.0  # N and N·m, below which no arrow is drawn
 _RED, _GREEN, _BROWN, _PURPLE = (255, 60, 60), (60, 170, 90), (150, 110, 80), (150, 60, 220)
 _FELL = (110, 110, 110)
@@ -123,15 +123,15 @@ class Stage:
                 _place(self._ghost, frame.target)
             root, feet = frame.bodies.positions[0], frame.bodies.positions[_FEET]
             forces, torques = _without_drag(frame)
-            _point(self._contacts, root, feet * [1.0, 1.0, 0.0], frame.contacts[_FEET] / CONTACT_SCALE)
-            _point(self._loads, root, _outside(frame.bodies, forces), forces / FORCE_SCALE)
-            _point(self._torques, root, _outside(frame.bodies, torques), torques / TORQUE_SCALE)
+            _point(self._contacts, root, feet * [1.0, 1.0, 0.0], frame.contacts[_FEET] / arrow_scales.CONTACT)
+            _point(self._loads, root, _outside(frame.bodies, forces), forces / arrow_scales.FORCE)
+            _point(self._torques, root, _outside(frame.bodies, torques), torques / arrow_scales.TORQUE)
             self._newtons.visible = frame.drag is not None
             if frame.drag is None:
                 self._drag.points = _HIDDEN
             else:
                 grab, pointer, force = frame.drag
-                _point(self._drag, root, grab[None], force[None] / FORCE_SCALE)
+                _point(self._drag, root, grab[None], force[None] / arrow_scales.FORCE)
                 self._newtons.position = tuple(pointer)
                 self._newtons.text = f"{np.linalg.norm(force):.0f} N"
             if frame.fallen != self._fallen:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from kinemimic.evaluate.simulate.command import require_viser
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash
+from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
@@ -73,14 +75,15 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
 )
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/stream"), show_default=True,
               help="Folder for the policy and the recordings.")  # fmt: skip
-@click.option("--lag", type=click.FloatRange(0.0, 1.0), default=0.15, show_default=True,
+@click.option("--lag", type=FiniteRange(0.0, 1.0), default=0.15, show_default=True,
               help="Lag of the filter in seconds: more is smoother.")  # fmt: skip
 @click.option("--up", type=click.Choice(UP), help="Axis of the sender that points up. Default: recognised.")
 @click.option("--place/--set-out", default=True, show_default=True,
-              help="Put the humanoid onto a person who was taken up, or let it set out.")  # fmt: skip
+              help="When a person appears, put the humanoid onto its reference, or let it start from where "
+                   "it stands.")  # fmt: skip
 @click.option("--page/--no-page", "with_page", default=True, show_default=True, help="Serve the page.")
 @click.option("--port", type=_PORT, default=DEFAULT_PAGE, show_default=True, help="Port of the page.")
-@click.option("--seconds", type=click.FloatRange(min=0.1), help="End after this time.")
+@click.option("--seconds", type=FiniteRange(min=0.1), help="End after this time.")
 @click.option("--record/--no-record", default=None, help="Record from the start. Default: without a page.")
 @engine_option
 @json_option("Print the summary as JSON.")
@@ -105,7 +108,8 @@ def command(
     """Let a live capture drive the humanoid.
 
     Frames come as JSON over UDP, TCP or standard input, over the VMC protocol, or from a capture file. The
-    humanoid follows half a second later: 0.15 s for the filter, 0.4 s that the policy looks ahead.
+    humanoid follows half a second later: 0.15 s for the filter, 0.4 s that the policy looks ahead. Exit
+    status: 2 if no frame came that could be used, else 0.
 
     \b
       kinemimic stream --replay walk.skl
@@ -150,7 +154,11 @@ def command(
             page.close()
     if as_json:
         click.echo(json.dumps(found, indent=2, allow_nan=False))
-    else:
+    if not found["frames"]:
+        raise KinemimicError(
+            f"{found['source']}: expected frames of a person, found none that could be used{_faults(found)}"
+        )
+    if not as_json:
         for line in _words(found):
             echo(line)
 
@@ -158,14 +166,16 @@ def command(
 def _words(found: dict[str, Any]) -> list[str]:
     from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
 
-    if not found["frames"]:
-        return [f"{found['source']}: no frame came that could be used{_faults(found)}"]
     latency = found["latency_ms"]
     behind = "" if latency is None else f", {latency['median']:.0f} ms behind (99 %: {latency['p99']:.0f} ms)"
+    what, used = found["format"] or found["layout"], plural(found["frames"], "frame")
+    if found["frames_of"] is not None:
+        used = f"{found['frames']} of {plural(found['frames_of'], 'frame')} used"
+    people = plural(found["people"], "person", "people")
     lines = [
-        f"{found['source']}: {found['layout']}, {found['frames']} frames, {found['people']} people{behind}",
+        f"{found['source']}: {what}, {used}, {people}{behind}",
         f"{found['steps']} control steps, {found['followed']} behind a person, of which "
-        f"{found['upright']} upright; {found['falls']} falls{_faults(found)}",
+        f"{found['upright']} upright; {plural(found['falls'], 'fall')}{_faults(found)}",
     ]
     if found["score"] is not None:
         lines.append(str(Score.from_json(found["score"])))

@@ -46,7 +46,7 @@ class Stdin:
 class Replay:
     """A capture in any format that can be read, as recorded: no rule has repaired it, no filter cleaned it.
 
-    seconds: its duration.
+    seconds: its duration; format: of the file; count: of its frames.
     """
 
     waits = True
@@ -55,7 +55,7 @@ class Replay:
         clip = on_nodes(read(path))
         if len(clip.times) < 2:
             raise CaptureError(path, expected="at least 2 frames to replay", found=f"{len(clip.times)}")
-        self.name = path.name
+        self.name, self.format, self.count = path.name, str(clip.provenance["format"]), len(clip.times)
         self.faults: Counter[str] = Counter()
         self._times = clip.times - clip.times[0]
         self._clip, self._next = clip, 0

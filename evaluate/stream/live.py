@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import shutil
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import numpy as np
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings
 from kinemimic.evaluate.simulate.live_session import LiveSession
-from kinemimic.evaluate.simulate.loop import Loop, Performed, Shown
-from kinemimic.evaluate.simulate.recording import begin_live_session
+from kinemimic.evaluate.simulate.loop import Loop, PageView, Performance
+from kinemimic.evaluate.simulate.recording import SESSION, begin_live_session
+from kinemimic.evaluate.stream.files import Replay
 from kinemimic.evaluate.stream.source import Source
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.reference.live_reference import AHEAD
@@ -48,7 +50,7 @@ class Watched:
     person, and those of these without a fall.
     """
 
-    def __init__(self, page: Shown) -> None:
+    def __init__(self, page: PageView) -> None:
         self.waiting, self._page = page.waiting, page
         self.latencies: list[float] = []
         self.steps = self.followed = self.upright = 0
@@ -78,7 +80,7 @@ def stream(
     *,
     settings: LiveSettings | None = None,
     engine: str,
-    page: Shown | None = None,
+    page: PageView | None = None,
     clock: Clock | None = None,
     policy: str = "",
     steps: int | None = None,
@@ -87,22 +89,23 @@ def stream(
     """Follow a source until it ends, for `steps` control steps, or until Ctrl-C; returns the summary.
 
     run: folder with the policy, below which sessions are recorded. page: None for nobody; clock: None to go
-    as fast as the processor can, which suits a replay alone.
+    as fast as the processor can, which suits a replay alone. With `record`, a recording of nothing is not
+    kept.
     """
     settings = settings or LiveSettings()
     watched = Watched(page or NoPage())
     clock = clock or Clock(CONTROL_RATE, sleep=lambda _: None)
     sessions: list[LiveSession] = []
 
-    def opened(performed: Performed) -> LiveSession:
+    def opened(performed: Performance) -> LiveSession:
         sessions.append(begin_live_session(performed.run, engine, settings, named=scenario))
         return sessions[-1]
 
-    def only(*_: Any) -> Performed:
+    def only(*_: Any) -> Performance:
         raise KinemimicError("expected one policy and the live capture: start again to change them")
 
     loop = Loop(
-        Performed(run, policy or run.name, SOURCE), watched, clock, engine=engine, open_session=opened,
+        Performance(run, policy or run.name, SOURCE), watched, clock, engine=engine, open_session=opened,
         choose=only, recordings=run, frames=source.poll, waits=source.waits,
     )  # fmt: skip
     if record:
@@ -114,7 +117,17 @@ def stream(
         pass
     finally:
         source.close()
+    if record and not any(one.capture.frames for one in sessions):
+        loop.recorded[:] = [folder for folder in loop.recorded if not _is_empty(folder)]
     return summary(source, sessions[-1], watched, clock, loop.recorded[-1] if loop.recorded else None)
+
+
+def _is_empty(folder: Path) -> bool:
+    """Whether nothing was done in a session without frames, which then is removed."""
+    empty = '"input":' not in (folder / SESSION).read_text(encoding="utf-8")
+    if empty:
+        shutil.rmtree(folder)
+    return empty
 
 
 def summary(
@@ -128,11 +141,13 @@ def summary(
     latencies = 1000.0 * np.array(watched.latencies or [np.nan])
     return {
         "source": source.name,
+        "format": source.format if isinstance(source, Replay) else None,
         "layout": None if reading is None else reading.layout.name,
         "up": None if reading is None else reading.up,
         "unit": None if reading is None else reading.unit,
         "steps": watched.steps,
         "frames": capture.frames,
+        "frames_of": source.count if isinstance(source, Replay) else None,
         "thinned": capture.window.thinned,
         "people": session.performer.people,
         "lost": session.performer.lost,

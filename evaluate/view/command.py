@@ -39,6 +39,7 @@ from kinemimic.evaluate.view.scene import (
     log_scenes,
     place_side_by_side,
 )
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.files.store import atomic, content_hash
@@ -164,7 +165,9 @@ def how_to_open(recording: Path) -> str:
 
 
 def _evaluate_if_needed(run: Path) -> None:
-    if not evaluated(run):
+    # A trial of a scenario is simulated; it needs no scores.
+    of_trial = click.get_current_context().params.get("named") is not None
+    if not of_trial and not evaluated(run):
         from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415 (--help must not load it)
 
         evaluate(run)
@@ -191,10 +194,10 @@ class _Size(click.ParamType[tuple[int, int]]):
 @click.command("view")
 @run_options(then=_evaluate_if_needed)
 @click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
-@click.option("--at", type=click.FloatRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
+@click.option("--at", type=FiniteRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
 @click.option("--video", "movie", type=FILE, help="Also draw simulated figure and reference as .webm.")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0.1), help=f"Maximum length of the video, s. Default: {SECONDS:g}."
+    "--seconds", type=FiniteRange(min=0.1), help=f"Maximum length of the video, s. Default: {SECONDS:g}."
 )
 @click.option("--size", type=_Size(), help=f"Size of the video, pixels. Default: {SIZE[0]}x{SIZE[1]}.")
 @click.option(
@@ -227,9 +230,9 @@ def command(
 ) -> None:
     """Write reference, simulated humanoid, capture, curves and scores as a rerun recording.
 
-    A shipped policy (--policy) is evaluated first if necessary. Green arrows: contact forces, 1000 N per
-    metre. With --scenario: a trial of `disturb`, with its obstacles and forces (red arrows, 100 N per metre).
-    White joints: the capture as read; pink: inferred by the sensor.
+    A shipped policy (--policy) is evaluated first if necessary, but not for --scenario. Green arrows: contact
+    forces, 1000 N per metre. With --scenario: a trial of `disturb`, with its obstacles and forces (red
+    arrows, 200 N per metre). White joints: the capture as read; pink: inferred by the sensor.
 
     A video shows both figures in real time, the reference in blue; after a fall the figure is grey. Browsers
     play .webm; .mp4 needs an H.264 encoder.

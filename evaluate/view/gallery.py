@@ -15,6 +15,7 @@ from kinemimic.evaluate.film.film import Scene, scene_of
 from kinemimic.evaluate.film.tiles import PANEL, render_tiles
 from kinemimic.evaluate.view.layout import gallery_layout
 from kinemimic.evaluate.view.scene import log_scene
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
@@ -56,9 +57,9 @@ def write_gallery(path: Path, runs: Sequence[Path], *, columns: int) -> None:
 @click.option("--video", "movie", type=FILE, help="Draw a video (.webm).")
 @click.option("--picture", type=FILE, help="Draw a picture (.png).")
 @click.option("--recording", type=FILE, help="Write a recording for rerun (.rrd).")
-@click.option("--at", type=click.FloatRange(min=0), default=AT, show_default=True,
+@click.option("--at", type=FiniteRange(min=0), default=AT, show_default=True,
               help="Time of the picture, s.")  # fmt: skip
-@click.option("--seconds", type=click.FloatRange(min=0.1), default=SECONDS, show_default=True,
+@click.option("--seconds", type=FiniteRange(min=0.1), default=SECONDS, show_default=True,
               help="Length of the video, s.")  # fmt: skip
 @click.option("--columns", type=click.IntRange(1, 16), default=COLUMNS, show_default=True,
               help="Panels in a row.")  # fmt: skip

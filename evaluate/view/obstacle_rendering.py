@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from kinemimic.evaluate.film import arrow_scales
 from kinemimic.evaluate.film.figures import SIMULATED, Humanoid
 from kinemimic.evaluate.film.solids import Capsule, Color, Solid, obstacle_solid
 from kinemimic.evaluate.view.scene import SCENES, entity_path, frame_times, time_columns
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES
+from kinemimic.retarget.humanoid.body import BODY_CENTERS, BODY_NODES
 from kinemimic.train.sim.world import Obstacle
 
 OBSTACLE_COLOR = (150, 110, 80)
 LOAD_COLOR, CONTACT_COLOR = (255, 60, 60), (90, 220, 120)
-LOAD_SCALE, CONTACT_SCALE = 100.0, 1000.0  # N to a metre of arrow
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,12 @@ class Disturbances:
 
 def log_contacts(stream: rr.RecordingStream, simulated: Humanoid, forces: Array) -> None:
     """Log contact forces (F, 15, 3) in N as arrows on the simulated bodies, in both scenes."""
-    _log_arrows(stream, "contacts", simulated, forces / CONTACT_SCALE, CONTACT_COLOR)
+    _log_arrows(stream, "contacts", simulated, forces / arrow_scales.CONTACT, CONTACT_COLOR)
 
 
 def log_disturbances(stream: rr.RecordingStream, simulated: Humanoid, disturbances: Disturbances) -> None:
     """Log the obstacles, from when they appear, and the scenario's forces, in both scenes."""
-    _log_arrows(stream, "loads", simulated, disturbances.loads / LOAD_SCALE, LOAD_COLOR)
+    _log_arrows(stream, "loads", simulated, disturbances.loads / arrow_scales.FORCE, LOAD_COLOR)
     seconds = frame_times(len(disturbances.states))
     for k, item in enumerate(disturbances.obstacles):
         there = np.flatnonzero(np.isfinite(disturbances.states[:, k, 0]))
@@ -62,7 +62,6 @@ def log_disturbances(stream: rr.RecordingStream, simulated: Humanoid, disturbanc
 
 def disturbance_solids(simulated: Humanoid, disturbances: Disturbances) -> Callable[[int], list[Solid]]:
     """Obstacles and forces of a frame as solids to draw; a force is a rod from the body, with a knob."""
-    centers = np.array([one.center for one in BODIES])
 
     def solids(frame: int) -> list[Solid]:
         states = disturbances.states[frame]
@@ -73,8 +72,10 @@ def disturbance_solids(simulated: Humanoid, disturbances: Disturbances) -> Calla
         ]
         for body in np.flatnonzero(disturbances.loads[frame].any(axis=-1)).tolist():
             node = BODY_NODES[body]
-            start = simulated.positions[frame, node] + rotate(simulated.rotations[frame, node], centers[body])
-            end = start + disturbances.loads[frame, body] / LOAD_SCALE
+            start = simulated.positions[frame, node] + rotate(
+                simulated.rotations[frame, node], BODY_CENTERS[body]
+            )
+            end = start + disturbances.loads[frame, body] / arrow_scales.FORCE
             color = _share(LOAD_COLOR)
             shown += [Capsule(start, end, 0.012, color), Capsule(end, end, 0.03, color)]
         return shown
@@ -105,8 +106,7 @@ def _log_arrows(
     push = vectors.any(axis=-1)
     frame, body = np.nonzero(push)
     node = np.array(BODY_NODES)[body]
-    centers = np.array([one.center for one in BODIES])[body]
-    origins = humanoid.positions[frame, node] + rotate(humanoid.rotations[frame, node], centers)
+    origins = humanoid.positions[frame, node] + rotate(humanoid.rotations[frame, node], BODY_CENTERS[body])
     columns = rr.Arrows3D.columns(
         origins=origins.astype(np.float32), vectors=vectors[push].astype(np.float32)
     )

@@ -66,6 +66,11 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     from kinemimic.train.rollout.tracker_file import tracker_path  # noqa: PLC0415
 
     _, record = Policy.load(run / POLICY)
+    if "motion" not in record["provenance"]["inputs"]:
+        raise KinemimicError(
+            f"{run / POLICY}: expected a run trained by `train`, found a tracker's policy; train one with "
+            f"`kinemimic reproduce --only {recipe.name}`"
+        )
     motion, scores = read_motion_json(run / MOTION), read_scores(run / SCORES)
     capture = motion.provenance.get("capture", {})
     expected: dict[str, tuple[Any, Any]] = {

@@ -27,6 +27,7 @@ from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.run_folder.capture import default_run, require_same_capture, sources_of
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.pipeline.run_folder.stage import stage, state_options, up_to_date
+from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.options import retarget_options
 from kinemimic.train.options import training_options
@@ -148,7 +149,11 @@ def default_start(folder: Path) -> dict[str, str]:
     from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
 
     motion = read_motion_json(folder / "motion.json")
-    known = motion.cyclic and unsuitable(motion) is None and DEFAULT_START in ShippedPolicies().trackers()
+    gait = folder / "gait.json"
+    report = read_gait_json(gait, motion) if gait.exists() else None
+    known = (
+        motion.cyclic and unsuitable(motion, report) is None and DEFAULT_START in ShippedPolicies().trackers()
+    )
     return {"from": DEFAULT_START} if known else {}
 
 

@@ -171,9 +171,8 @@ class Run:
     @property
     def clip(self) -> Clip:
         """The clean capture, with rotations once it is converted."""
-        return read_converted(self.folder) if self._has("quaternions.parquet") else self._clean()
-
-    def _clean(self) -> Clip:
+        if self._has("quaternions.parquet"):
+            return read_converted(self.folder)
         return read_clip(self.folder / "clip.parquet")
 
     @property
@@ -182,8 +181,8 @@ class Run:
         return read_motion_json(self.folder / "motion.json")
 
     @property
-    def gait_report(self) -> Mapping[str, Any]:
-        """What `retarget` measured of the capture and the motion (gait.json)."""
+    def retarget_report(self) -> Mapping[str, Any]:
+        """What `retarget` measured (gait.json); `gait` returns the gait report."""
         return read_gait_json(self.folder / "gait.json")
 
     @property

@@ -53,11 +53,6 @@ class Segment:
     hinge: tuple[float, float, float] | None
     offset: dict[str, tuple[float, float, float]]
 
-    @property
-    def kind(self) -> str:
-        """The name without the side."""
-        return self.name.removesuffix("_left").removesuffix("_right")
-
 
 @dataclass(frozen=True)
 class Point:
@@ -67,10 +62,10 @@ class Point:
     segment: int
     offset: dict[str, tuple[float, float, float]]
 
-    @property
-    def kind(self) -> str:
-        """The name without the side."""
-        return self.name.removesuffix("_left").removesuffix("_right")
+
+def kind_of(name: str) -> str:
+    """A name of a segment or a point without the side."""
+    return name.removesuffix("_left").removesuffix("_right")
 
 
 _KNEE, _ELBOW = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)

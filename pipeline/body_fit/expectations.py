@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.body_fit.body import LENGTH_NAMES, LENGTHS, SEGMENTS, STATURE, UNKNOWNS
+from kinemimic.pipeline.body_fit.body import LENGTH_NAMES, LENGTHS, SEGMENTS, STATURE, UNKNOWNS, kind_of
 from kinemimic.pipeline.body_fit.camera import SceneCamera
 from kinemimic.pipeline.body_fit.normal_equations import NormalEquations
 from kinemimic.pipeline.body_fit.pose import Poses, vector_of
@@ -41,16 +41,16 @@ def add_limits(equations: NormalEquations, poses: Poses, share: float) -> None:
         if segment.hinge is not None:
             beyond = poses.hinges[:, k] - np.clip(poses.hinges[:, k], *HINGE_RANGE)
             add(beyond, _LIMIT, first, (beyond != 0.0)[:, None] * one)
-        elif segment.kind == "thigh":
+        elif kind_of(segment.name) == "thigh":
             # How far its axis, and its front, point to the side of the pelvis.
             add(turn[:, 1, 2], _ABDUCTION, first, np.stack([-turn[:, 1, 1], turn[:, 1, 0], zero], axis=-1))
             add(turn[:, 1, 0], _AXIAL, first, np.stack([zero, -turn[:, 1, 2], turn[:, 1, 1]], axis=-1))
-        elif segment.kind == "pelvis":
+        elif kind_of(segment.name) == "pelvis":
             # How far the left hip is above the right.
             add(turn[:, 2, 1], _OBLIQUITY, first, np.stack([turn[:, 2, 2], zero, -turn[:, 2, 0]], axis=-1))
         else:
             vector = vector_of(turn)
-            for axis, error in enumerate(RANGES[segment.kind]):
+            for axis, error in enumerate(RANGES[kind_of(segment.name)]):
                 add(vector[:, axis], error, first + axis, one)
     equations.add(np.stack(residuals, axis=1) * share, np.stack(rows, axis=1) * share)
 

@@ -14,6 +14,7 @@ from kinemimic.pipeline.body_fit.body import (
     POINTS,
     SEGMENTS,
     UNKNOWNS,
+    kind_of,
 )
 from kinemimic.pipeline.body_fit.camera import CAMERA_UNKNOWNS, SceneCamera
 from kinemimic.pipeline.body_fit.contacts import FEET
@@ -45,7 +46,7 @@ STARTS, ENDS = ([POINT_INDEX[pair[k]] for pair in BONES] for k in (0, 1))
 _SUNK = 0.01
 # A standing point further from the floor does not stand on it: a foot on a chair, a leg held up. Metres.
 _ON_FLOOR = 0.06
-_IMAGE_ERRORS: Array = np.array([POINT_ERRORS.get(point.kind, np.inf) for point in POINTS])
+_IMAGE_ERRORS: Array = np.array([POINT_ERRORS.get(kind_of(point.name), np.inf) for point in POINTS])
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ def add_smoothness(equations: NormalEquations, evidence: Evidence, poses: Poses)
     steps[:, :3], error[:3] = np.diff(poses.root, axis=0), ACCELERATIONS["root"] * evidence.size
     for k, segment in enumerate(SEGMENTS):
         columns = UNKNOWNS.columns(k)
-        error[columns] = ACCELERATIONS[segment.kind]
+        error[columns] = ACCELERATIONS[kind_of(segment.name)]
         if segment.hinge is not None:
             steps[:, columns] = np.diff(poses.hinges[:, k, None], axis=0)
         else:

@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.data_folder import DATASETS
 
 HOST = "https://raw.githubusercontent.com"
 
@@ -103,8 +104,13 @@ class Catalog:
         known += [spelt for entry in self.entries for spelt in (entry.name, entry.file)]
         near = difflib.get_close_matches(name, known, n=1)
         advice = f"did you mean {near[0]!r}?" if near else "`kinemimic datasets list` lists the names"
+        # The path of the shipped catalogue would mean nothing to the user.
+        place = "" if self.path.is_relative_to(DATASETS) else f"{self.path}: "
+        some = ", ".join(one.name for one in self.collections[:5])
+        more = ", …" if len(self.collections) > 5 else ""
         return KinemimicError(
-            f"{self.path}: expected a collection or a file of the catalogue, found {name!r}; {advice}"
+            f"{place}expected a collection ({some}{more}) or a file of the catalogue, found {name!r}; "
+            f"{advice}"
         )
 
 

@@ -17,18 +17,14 @@ from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
 from kinemimic.pipeline.cli.printable import echo, replace_what_cannot_be_encoded
 from kinemimic.pipeline.cli.settings import read_settings, require_commands
 from kinemimic.pipeline.errors import KinemimicError, one_line
+from kinemimic.pipeline.parallel.interruption import ended_by_sigterm
 
 # Each command is named by a string and imported when it runs: the command line belongs to the lowest layer,
 # which must not import the layers above it.
 COMMANDS: dict[str, tuple[str, str]] = {
-    "formats": ("kinemimic.pipeline.inspect.formats:command", "List the readable capture formats."),
-    "datasets": (
-        "kinemimic.pipeline.catalog.command:command",
-        "Public recordings, and versioned data sets made from recordings.",
-    ),
-    "inspect": (
-        "kinemimic.pipeline.inspect.command:command",
-        "Report contents and quality of capture files.",
+    "run": (
+        "kinemimic.evaluate.workflow.run:command",
+        "Run all stages on one capture; skip those up to date.",
     ),
     "ingest": ("kinemimic.pipeline.ingest:command", "Read a capture: passes, gaps, filter, quality report."),
     "convert": (
@@ -40,21 +36,18 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Retarget to the 20 nodes and the humanoid; JSON and MCAP.",
     ),
     "train": ("kinemimic.train.command:command", "Train a policy that imitates the motion in Bullet."),
-    "evaluate-tracker": (
-        "kinemimic.evaluate.scoring.tracker_command:command",
-        "Score a tracker on every motion of a library.",
-    ),
-    "gallery": (
-        "kinemimic.evaluate.view.gallery:command",
-        "Draw the rollouts of several runs side by side.",
-    ),
-    "train-tracker": (
-        "kinemimic.train.tracker.command:command",
-        "Train one policy for any motion, on a motion library.",
-    ),
     "evaluate": (
         "kinemimic.evaluate.scoring.command:command",
         "Score a policy: report, curves, scores.json.",
+    ),
+    "view": ("kinemimic.evaluate.view.command:command", "Show capture, reference and simulation in rerun."),
+    "gait": (
+        "kinemimic.evaluate.scoring.gait_command:command",
+        "Compare the gait of capture, reference and simulation with norms.",
+    ),
+    "export": (
+        "kinemimic.evaluate.export.command:command",
+        "Export motions and policies: BVH, TRC, MOT, CSV, npz, ONNX …",
     ),
     "pushes": (
         "kinemimic.evaluate.robustness.pushes:command",
@@ -64,14 +57,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.robustness.disturb:command",
         "Run scenarios: forces, torques, obstacles, different ground.",
     ),
-    "gait": (
-        "kinemimic.evaluate.scoring.gait_command:command",
-        "Compare the gait of capture, reference and simulation with norms.",
-    ),
-    "overlay": (
-        "kinemimic.pipeline.overlay.command:command",
-        "Draw the skeleton into a video or a depth recording.",
-    ),
     "simulate": (
         "kinemimic.evaluate.simulate.command:command",
         "Push a humanoid on a page in the browser, in real time.",
@@ -80,10 +65,21 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.stream.command:command",
         "Let a live capture drive the humanoid: UDP, TCP, VMC, a file.",
     ),
-    "view": ("kinemimic.evaluate.view.command:command", "Show capture, reference and simulation in rerun."),
-    "export": (
-        "kinemimic.evaluate.export.command:command",
-        "Export motions and policies: BVH, TRC, MOT, CSV, npz, ONNX …",
+    "batch": (
+        "kinemimic.evaluate.batch.command:command",
+        "Make a data set of the motions of many captures.",
+    ),
+    "library": (
+        "kinemimic.evaluate.library.command:command",
+        "Make one motion library of many captures, split by subject.",
+    ),
+    "train-tracker": (
+        "kinemimic.train.tracker.command:command",
+        "Train one policy for any motion, on a motion library.",
+    ),
+    "evaluate-tracker": (
+        "kinemimic.evaluate.scoring.tracker_command:command",
+        "Score a tracker on every motion of a library.",
     ),
     "policies": (
         "kinemimic.evaluate.policies.command:command",
@@ -98,17 +94,22 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.paper.command:command",
         "Repeat the paper's experiments and compare the numbers.",
     ),
-    "run": (
-        "kinemimic.evaluate.workflow.run:command",
-        "Run all stages on one capture; skip those up to date.",
+    "formats": ("kinemimic.pipeline.inspect.formats:command", "List the readable capture formats."),
+    "inspect": (
+        "kinemimic.pipeline.inspect.command:command",
+        "Report contents and quality of capture files.",
     ),
-    "batch": (
-        "kinemimic.evaluate.batch.command:command",
-        "Make a data set of the motions of many captures.",
+    "overlay": (
+        "kinemimic.pipeline.overlay.command:command",
+        "Draw the skeleton into a video or a depth recording.",
     ),
-    "library": (
-        "kinemimic.evaluate.library.command:command",
-        "Make one motion library of many captures, split by subject.",
+    "gallery": (
+        "kinemimic.evaluate.view.gallery:command",
+        "Draw the rollouts of several runs side by side.",
+    ),
+    "datasets": (
+        "kinemimic.pipeline.catalog.command:command",
+        "Public recordings, and versioned data sets made from recordings.",
     ),
 }
 
@@ -138,7 +139,7 @@ def _status(arguments: list[str] | None) -> int:
     try:
         settings = read_settings()
         require_commands(settings, COMMANDS)
-        with heartbeat(_line(sys.argv[1:] if arguments is None else arguments)):
+        with ended_by_sigterm(), heartbeat(_line(sys.argv[1:] if arguments is None else arguments)):
             status: Any = cli.main(
                 arguments,
                 prog_name="kinemimic",

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.run_folder.capture import only_run
 
@@ -82,20 +83,20 @@ def unit_option(text: str) -> Callable[[Command], Command]:
 
 def rate_option(text: str) -> Callable[[Command], Command]:
     """--rate, a frame rate in Hz or None."""
-    return click.option("--rate", type=click.FloatRange(*RATES), metavar="HZ", help=text)
+    return click.option("--rate", type=FiniteRange(*RATES), metavar="HZ", help=text)
 
 
 # Of a video: --height, --fov, --person, --pose-model.
 video_options: tuple[Decorator, ...] = (
     click.option(
         "--height",
-        type=click.FloatRange(*HEIGHTS),
+        type=FiniteRange(*HEIGHTS),
         metavar="METRES",
         help="Video: height of the person. Default: 1.70.",
     ),
     click.option(
         "--fov",
-        type=click.FloatRange(*FIELDS_OF_VIEW),
+        type=FiniteRange(*FIELDS_OF_VIEW),
         metavar="DEGREES",
         help="Video: field of view along the longer side. Default: about 67, a phone's.",
     ),

@@ -22,6 +22,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
 # Field of a clip -> its column, and the numbers per joint.
@@ -159,7 +160,7 @@ def _on_nodes(clip: Clip) -> tuple[Array, NDArray[np.uint8], Mapping[str, Array]
     except KinemimicError:
         positions = np.full((len(clip.times), len(NODES), 3), np.nan)
         states = np.zeros(positions.shape[:2], dtype=np.uint8)
-    return positions, states, leg_angles(positions)
+    return positions, states, leg_angles(positions, times=clip.times, knees=recorded_knees(clip))
 
 
 def _blocks(frames: int) -> Iterator[slice]:

@@ -107,6 +107,8 @@ def read_json(path: Path) -> Any:
         stage = writer_of(path.name)
         advice = f"; run `kinemimic {stage}` first" if stage else ""
         raise KinemimicError(f"{path}: expected a file, found none{advice}") from None
+    except UnicodeError:
+        raise KinemimicError(f"{path}: expected JSON, found bytes that are no text in UTF-8") from None
     except ValueError as error:
         raise KinemimicError(f"{path}: expected JSON, found {error}") from None
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.events import SIDES, FootEvents, detect_foot_events
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
 
-GRAVITY = 9.81
 # A stride that deviates more from its pass' period, or from the median of all strides, is from starting,
 # stopping or turning, or from legs exchanged by the sensor.
 MAX_TIME_DEVIATION, MAX_LENGTH_DEVIATION = 0.20, 0.40
@@ -107,7 +107,7 @@ def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> G
             found += [s for s in strides if abs(s.time - bout.period) <= MAX_TIME_DEVIATION * bout.period]
             lacking += unseen + len(strides)
     kept = _usual(found)
-    belts = [abs(bouts[s.group].speed) for s in kept if bouts[s.group].way.source == "feet"]
+    belts = [abs(bouts[s.group].speed) for s in kept if bouts[s.group].path.source == "feet"]
     runs = sum(bouts[s.group].running for s in kept)
     return Gait(
         strides=tuple(kept),

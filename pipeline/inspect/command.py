@@ -75,6 +75,10 @@ def command(
     files = find_files(paths)
     if not files:
         raise KinemimicError(f"{paths[0]}: expected a capture or a folder of captures, found an empty folder")
+    if not any(os.path.lexists(file) for file in files):
+        raise KinemimicError(
+            f"{files[0]}: expected a capture or a folder of captures, found no file; check the name"
+        )
     at_once = jobs or _processors()
     found: list[dict[str, Any]] = []
     status = 0

@@ -21,6 +21,7 @@ from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, available_nodes
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
@@ -123,7 +124,7 @@ def _line(axes: Axes, clip: Clip, values: Array, **style: Any) -> None:
 
 
 def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
-    ours = leg_angles(nodes)
+    ours = leg_angles(nodes, times=clip.times, knees=recorded_knees(clip))
 
     def draw(phone: bool) -> Figure:
         figure, panels = panel_grid(2, 1, 1.9, phone, sharex=True)

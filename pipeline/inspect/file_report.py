@@ -21,11 +21,13 @@ from kinemimic.pipeline.inspect.measures import (
     stature,
 )
 from kinemimic.pipeline.kinematics.clip import Clip, Label
+from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.locomotion.bouts import find_bouts
 from kinemimic.pipeline.locomotion.segments import Segment, find_segments
 from kinemimic.pipeline.locomotion.summary import gait_summary
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
+from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.pipeline.readers.recognise import read
 
 USABLE, FLAGGED, REFUSED, OTHER, SIDECAR = "usable", "flagged", "refused", "other", "sidecar"
@@ -133,13 +135,22 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "labels": [_label(label) for label in clip.labels],
         "bones_m": lengths,
         "stature_m": stature(lengths),
-        "angles": leg_angle_ranges(nodes[inside], states[inside]),
+        "angles": leg_angle_ranges(
+            nodes[inside],
+            states[inside],
+            clip.times[inside],
+            {name: knee[inside] for name, knee in recorded_knees(clip).items()},
+        ),
         "gait": gait_summary(bouts),
         "segments": [_segment(one) for one in find_segments(clip, nodes, bouts)],
         "recorded_angles": recorded_angles(clip, nodes, inside),
         "joints": joint_quality(clip, inside),
         "defects": [defect.to_json() for defect in checked.defects],
-        "notes": [*reading["notes"], *([nodes_error] if nodes_error else [])],
+        "notes": [
+            *reading["notes"],
+            *([nodes_error] if nodes_error else []),
+            *filter(None, [low_rate_note(1.0 / step)]),
+        ],
         "planned_steps": planned_steps(checked),
     }
 

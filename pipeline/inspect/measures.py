@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from kinemimic.pipeline.kinematics.body_points import length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics
@@ -77,14 +79,17 @@ def stature(lengths: dict[str, dict[str, float | None]]) -> float | None:
     return None if thigh is None or shank is None else rounded((thigh + shank) / LEG_TO_STATURE, 3)
 
 
-def leg_angle_ranges(nodes: Array, states: States) -> dict[str, Any]:
+def leg_angle_ranges(
+    nodes: Array, states: States, times: Array | None = None, knees: Mapping[str, Array] | None = None
+) -> dict[str, Any]:
     """Ranges of knee and hip angles per side (percentiles TAIL and 100 - TAIL, degrees), and the knee's peak.
 
-    nodes: (T, 20, 3), states: (T, 20), frames inside passes. The peak is taken from the better-tracked side:
-    the side whose hip, knee and ankle are tracked in more frames, then the side whose thigh and shank vary
-    less. If both are equal (rigid bones of a model), it is the mean of the two sides.
+    nodes: (T, 20, 3), states: (T, 20), times and knees: as of `leg_angles`, of frames inside passes. The peak
+    is taken from the better-tracked side: the side whose hip, knee and ankle are tracked in more frames, then
+    the side whose thigh and shank vary less. If both are equal (rigid bones of a model), it is the mean of
+    the two sides.
     """
-    curves = {name: np.degrees(curve) for name, curve in leg_angles(nodes).items()}
+    curves = {name: np.degrees(curve) for name, curve in leg_angles(nodes, times=times, knees=knees).items()}
     report: dict[str, Any] = {"knee": {}, "hip": {}}
     for name in ANGLES:
         joint, side = name.rsplit("_", 1)
@@ -111,7 +116,7 @@ def recorded_angles(clip: Clip, nodes: Array, inside: Mask) -> dict[str, dict[st
 
     nodes: (T, 20, 3) and inside: (T,) of the clip. The difference is recorded minus computed.
     """
-    ours = leg_angles(nodes)
+    ours = leg_angles(nodes, times=clip.times, knees=recorded_knees(clip))
     report: dict[str, dict[str, Any]] = {}
     for name, curve in sorted((clip.angles or {}).items()):
         one: dict[str, Any] = {"frames": int(np.isfinite(curve[inside]).sum())}

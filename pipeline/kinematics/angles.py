@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
@@ -15,6 +17,10 @@ _FLAT = 1e-8
 # Largest hyperextension of a knee that a noisy sensor is believed, radians; optical captures of healthy
 # subjects show up to 11 degrees. A sensor without noise is believed more, as in genu recurvatum.
 HYPEREXTENSION, RECURVATUM = np.radians(15.0), np.radians(35.0)
+# Knee speed above which a sign that changes is noise, radians a second: 15 degrees between the frames of a
+# Kinect, which has 30 a second. A sensor without noise is believed the speed of a sprinter's knee.
+LEAP_SPEED, STEADY_LEAP_SPEED = np.radians(450.0), np.radians(1200.0)
+_KINECT_RATE = 30.0
 # Spread (half the middle 68 % over the median) of the hips' distance and of the leg bones, above which a
 # sensor is noisy: optical captures show up to 0.2 and 3 %, Kinects 2 to 30 and 4 to 16 %. Only a leg that
 # moves shows it: range of the knee (5th to 95th percentile).
@@ -51,19 +57,23 @@ def steady_leg(hips: Array, thigh: Array, shank: Array) -> bool:
     return bool(np.ptp(np.percentile(bend, [5.0, 95.0])) > MOVING_KNEE)
 
 
-def anatomical_knee(knee: Array, *, steady: bool = False) -> Array:
+def anatomical_knee(knee: Array, times: Array | None = None, *, steady: bool = False) -> Array:
     """Knee flexion (T,) in radians, consecutive frames, with anatomically impossible signs corrected.
 
     A knee hyperextends by at most HYPEREXTENSION (RECURVATUM if the leg is `steady_leg`), and only by passing
     through straight. In a run of negative frames that goes further, or begins or ends with a jump, the sign
     is noise of a sensor that sees the hips at nearly one point, or the knee beside the leg; the magnitude is
-    the flexion. NaN stays. `quality/rules/knee_sign.py` reports both cases.
+    the flexion. A jump is more than HYPEREXTENSION, and faster than LEAP_SPEED (STEADY_LEAP_SPEED). times:
+    (T,) seconds of the frames, without which they are those of a Kinect. NaN stays.
+    `quality/rules/knee_sign.py` reports both cases.
     """
     limit = RECURVATUM if steady else HYPEREXTENSION
+    step = 1.0 / _KINECT_RATE if times is None else np.diff(times)
+    jump = np.fmax(HYPEREXTENSION, step * (STEADY_LEAP_SPEED if steady else LEAP_SPEED))
     front = knee < 0
     run = np.where(front, np.cumsum(front & ~np.concatenate([[False], front[:-1]])), 0)
     wrong = np.zeros(int(run.max(initial=0)) + 1, dtype=bool)
-    leaps = np.abs(np.diff(knee)) > HYPEREXTENSION
+    leaps = np.abs(np.diff(knee)) > jump
     for frames in (run[knee < -limit], run[1:][leaps], run[:-1][leaps]):
         wrong[frames] = True
     return np.where(front & wrong[run], -knee, knee)
@@ -80,12 +90,19 @@ def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
     return np.arctan2(thigh[..., 0], -thigh[..., 2])
 
 
-def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array]:
+def leg_angles(
+    positions: Array,
+    pelvis: Array | None = None,
+    *,
+    times: Array | None = None,
+    knees: Mapping[str, Array] | None = None,
+) -> dict[str, Array]:
     """The curves (T,) of ANGLES in radians from positions (T, 20, 3) of the 20 nodes, consecutive frames.
 
     Without `pelvis` (T, 4), its world frame is taken from both hips and the spine, which a Kinect sees badly:
     the hip angle suffers; the knee angle keeps its magnitude, and `anatomical_knee` corrects its sign where
-    it can. Frames with a missing joint, or with all of the pelvis at one point, give NaN.
+    it can, by the times (T,) in seconds. Frames with a missing joint, or with all of the pelvis at one point,
+    give NaN. knees: flexion (T,) by name where it is known from rotations (`rest_pose.recorded_knees`).
     """
     p = positions
     curves: dict[str, Array] = {}
@@ -104,6 +121,8 @@ def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array
     for side in ("left", "right"):
         hip, knee, ankle = (p[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         steady = steady_leg(p[:, N["hip_left"]] - p[:, N["hip_right"]], knee - hip, ankle - knee)
-        curves[f"knee_{side}"] = anatomical_knee(knee_flexion(hip, knee, ankle, lateral), steady=steady)
+        name = f"knee_{side}"
+        flexion = knees[name] if knees else knee_flexion(hip, knee, ankle, lateral)
+        curves[name] = anatomical_knee(flexion, times, steady=steady)
         curves[f"hip_{side}"] = hip_flexion(frame, hip, knee)
     return {name: curves[name] for name in ANGLES}

@@ -20,7 +20,14 @@ from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.nodes import joints_of, to_nodes
 from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
-from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, conjugate, multiply, rotate
+from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
+    angle_between,
+    conjugate,
+    multiply,
+    rotate,
+    to_rotvec,
+)
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton
 from kinemimic.pipeline.kinematics.spans import all_finite
@@ -96,6 +103,27 @@ def node_rotations_of(clip: Clip) -> NodeRotations:
         sources = {node: clip.skeleton.names[joint] for node, (joint, _) in matched.items()}
     frames = node_frames(positions, recorded=recorded)
     return NodeRotations(local_rotations(frames), sources, _off_axis(recorded, frames))
+
+
+def recorded_knees(clip: Clip) -> dict[str, Array]:
+    """Knee flexion (T,) in radians about the hinge, by name, of a clip whose joints are the 20 nodes and have
+    rotations of their own; empty for any other.
+
+    Such files come from this program. The knees of its simulated body also give way to the side, which the
+    angle between thigh and shank would include.
+    """
+    names, parents = clip.skeleton.names, clip.skeleton.parents
+    above = {name: names[parent] if parent >= 0 else "" for name, parent in zip(names, parents, strict=True)}
+    nodes = zip(NODES, NODE_PARENTS, strict=True)
+    if any(above.get(node) != (NODES[parent] if parent >= 0 else "") for node, parent in nodes):
+        return {}
+    local = _recorded(clip)
+    if local is None:
+        return {}
+    # Rotations are about the axes of the file.
+    lateral = rotate(conjugate(clip.world_from_file), np.array([0.0, 1.0, 0.0]))
+    knees = (f"knee_{side}" for side in ("left", "right"))
+    return {knee: to_rotvec(local[:, names.index(knee)]) @ lateral for knee in knees}
 
 
 def _recorded(clip: Clip) -> Array | None:

@@ -9,14 +9,14 @@ from __future__ import annotations
 # Share of a lag's deviation that the pace makes up for in a second, and the largest change of the pace.
 GAIN, MAX_CHANGE = 0.3, 0.05
 AVERAGED = 1.0  # s over which the deviation is averaged
-# Seconds behind the lag from which the capture is taken up again at the newest frame.
+# Seconds behind the lag beyond which playback skips to the newest frame.
 BEHIND = 0.5
 
 
 class Playout:
     """Seconds on the sender's clock, one for every `step` seconds of simulation.
 
-    lag: wanted, s; skips: how often it took up again at the newest frame.
+    lag: wanted, s; skips: number of skips to the newest frame.
     """
 
     def __init__(self, lag: float, step: float) -> None:

@@ -23,8 +23,8 @@ from kinemimic.pipeline.quality.rules.swapped_limbs import (
 # Seconds over which the evidence for the body's front is averaged.
 FRONT_TIME = 0.6
 # A body is reversed if its knees point to the back that hips and shoulders show (-1 to 1), and it moves to
-# its back (m/s) or its toes point there; it is itself again where knees and movement say so. Kinects take
-# everybody for facing them; nobody's knees bend forward in walking backward.
+# its back (m/s) or its toes point there; it is itself again where knees and movement say so. Kinects assume
+# that everybody faces them; nobody's knees bend forward in walking backward.
 KNEES, SPEED, TOES = (-0.2, 0.05), (-0.4, 0.2), (-0.3, 0.0)
 # Sine of the bend from which a knee shows where its front is.
 BENT = 0.15

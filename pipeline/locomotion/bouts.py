@@ -2,12 +2,13 @@
 
 A walking bout is a run of consecutive strides (Kluge et al. 2021, PLoS ONE 16(8), e0256541). Everything is
 found from the pose: a heading and an upright axis for each frame, a phase that follows the strides, and the
-way over the ground. A bad stride is left out; it does not spoil the bout.
+path over the ground. A bad stride is left out; it does not spoil the bout.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +22,25 @@ from kinemimic.pipeline.locomotion.ground import ground_height
 from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
 from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, leg_bones
 from kinemimic.pipeline.locomotion.odometry import (
+    MAX_ONE_FOOT,
     MAX_STRIDE_DISAGREEMENT,
-    Way,
-    choose_way,
+    GroundPath,
+    choose_path,
     disagreements,
     foot_odometry,
     is_running_pose,
 )
+from kinemimic.pipeline.locomotion.standing import INTO, OUT_OF, on_phase, steady_frames, transitions
 from kinemimic.pipeline.locomotion.stride_phase import gait_phase
-from kinemimic.pipeline.locomotion.strides import Stride, cut_strides, frames_of, judge_strides, judged_span
+from kinemimic.pipeline.locomotion.strides import (
+    MAX_PERIOD_DEVIATION,
+    MIN_R2,
+    Stride,
+    cut_strides,
+    frames_of,
+    judge_strides,
+    judged_span,
+)
 from kinemimic.pipeline.locomotion.upright import upright_axis
 
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
@@ -57,9 +68,9 @@ class Bout:
     in the pass; turn: (n, 4) rotations from the capture's axes to the walker's: X ahead, Y left, Z up, where
     the walker's path is straightened; heading: (n,) radians in the capture; tilt: (n,) radians by which up
     was corrected; positions: (n, 20, 3) metres in walking axes over the ground; phase: (n,) cycles, integer
-    where the left ankle is farthest ahead; strides: judged, in order; way: where the speed comes from; speed:
-    m/s, negative backward; period: seconds, median of the strides; running, backward: whether the walker
-    runs, or steps backward; precise: whether the recording is accurate to a centimetre.
+    where the left ankle is farthest ahead; strides: judged, in order; path: where the speed comes from;
+    speed: m/s, negative backward; period: seconds, median of the strides; running, backward: whether the
+    walker runs, or steps backward; precise: whether the recording is accurate to a centimetre.
     """
 
     number: int
@@ -71,7 +82,7 @@ class Bout:
     positions: Array
     phase: Array
     strides: tuple[Stride, ...]
-    way: Way
+    path: GroundPath
     speed: float
     period: float
     running: bool
@@ -135,10 +146,22 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     heading, facing = body_heading(even.positions, RATE)
     ankles = even.positions[:, N["ankle_right"]] - even.positions[:, N["ankle_left"]]
     seen = even.seen[:, [N["ankle_left"], N["ankle_right"]]].all(axis=1)
-    phase = gait_phase(even.times, np.where(seen, along_heading(ankles, heading)[:, 0], np.nan))
+    apart = np.where(seen, along_heading(ankles, heading)[:, 0], np.nan)
+    phase = gait_phase(even.times, apart)
     if phase is None:
         return []
-    strides = cut_strides(even.times, even.positions, heading, phase, facing=facing if precise else None)
+    cut = partial(cut_strides, even.times, even.positions, heading, facing=facing if precise else None)
+    strides = cut(phase)
+    if walking := [stride for stride in strides if stride.walking]:
+        usual = {
+            name: float(np.median([getattr(one, name) for one in walking]))
+            for name in ("amplitude", "period")
+        }
+        if halves := transitions(ankles, np.asarray(seen), phase, **usual):
+            again = gait_phase(even.times, apart, steady=steady_frames(phase, halves))
+            if again is not None:
+                phase, halves = again, on_phase(halves, phase, again)
+            strides = cut(phase, transitions=halves)
     # An optical laboratory is level; a sensor may tilt.
     up = np.tile([0.0, 0.0, 1.0], (len(phase), 1))
     if not precise:
@@ -148,7 +171,7 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     running = is_running_pose(ahead, phase, RATE)
     legs = [even.seen[:, [N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]].all(axis=1)
             for side in ("left", "right")]  # fmt: skip
-    bad = impossible_legs(ahead, bones, running=running) | ~np.stack(legs, axis=1)
+    bad = impossible_legs(ahead, bones, running=running, precise=precise) | ~np.stack(legs, axis=1)
     strides = judge_strides(strides, phase, _leg_angles(ahead), bad, compare=not precise)
     out = []
     groups = _groups(strides, heading, phase)
@@ -178,8 +201,9 @@ def _leg_angles(positions: Array) -> Array:
 
 
 def _groups(strides: list[Stride], heading: Array, phase: Array) -> list[list[Stride]]:
-    """Runs of strides of walking. A single bad stride between two that head the same way does not end a
-    run.
+    """Runs of strides of walking, with the half strides out of and into standing at their ends.
+
+    A single bad stride between two that head the same way does not end a run.
     """
     middle = [float(np.interp(0.5 * (one.start + one.end), phase, heading)) for one in strides]
     groups: list[list[Stride]] = []
@@ -191,7 +215,9 @@ def _groups(strides: list[Stride], heading: Array, phase: Array) -> list[list[St
         if last is not None and (gap == 1 or (gap == 2 and abs(middle[k] - middle[last]) < MAX_HEADING_STEP)):
             groups[-1] += strides[last + 1 : k + 1]
         else:
-            groups.append([stride])
+            groups.append([*([strides[k - 1]] if k and strides[k - 1].transition == OUT_OF else []), stride])
+        if k + 1 < len(strides) and strides[k + 1].transition == INTO:
+            groups[-1].append(strides[k + 1])
         last = k
     return groups
 
@@ -219,32 +245,47 @@ def _bout(
     if len(inside) < 8:
         return []
     level, phase, up = level[inside], phase[inside], up[inside]
-    # The stride's own sway of the heading belongs to the pelvis, not to the way.
+    # The stride's own sway of the heading belongs to the pelvis, not to the path.
     phase, heading = _evened(phase, MAX_DRIFT), _evened(heading[inside], MAX_SWAY)
     root = _middle(level)
     feet = foot_odometry(level, heading, phase, RATE, toes=precise)
     walking = frames_of(strides, phase)
-    spans = np.array([judged_span(one.start, one.end, phase) for one in strides])
+    steady = [one for one in strides if not one.transition]
+    around = (
+        steady[0].start if strides[0].transition else float(phase[0]),
+        steady[-1].end if strides[-1].transition else float(phase[-1]),
+    )
+    spans = np.array(
+        [
+            (one.start, one.end) if one.transition else judged_span(one.start, one.end, around)
+            for one in strides
+        ]
+    )
     apart = disagreements(root, feet, phase, spans, RATE)
     whole = np.array([one.cycles > 0.9 for one in strides])
-    way = choose_way(root, feet, apart[whole] if whole.any() else apart, RATE, precise=precise)
-    if precise and way.source != "feet":
+    path = choose_path(root, feet, apart[whole] if whole.any() else apart, RATE, precise=precise)
+    if precise and path.source != "feet":
         # Steps to the side, or a walk forward that goes on backward.
-        agree = ~(apart[:, 0] > MAX_STRIDE_DISAGREEMENT)
+        agree = (
+            ~(apart[:, 0] > MAX_STRIDE_DISAGREEMENT)
+            | (apart[:, 2] < MAX_ONE_FOOT)
+            | np.array([bool(one.transition) for one in strides])
+        )
         if not agree.all():
-            return [strides[part] for part in runs(agree)]
-    velocity = along_heading(np.column_stack([way.velocity, np.zeros(len(inside))]), heading)[:, :2]
+            parts = [strides[part] for part in runs(agree)]
+            return [part for part in parts if any(not one.transition for one in part)]
+    velocity = along_heading(np.column_stack([path.velocity, np.zeros(len(inside))]), heading)[:, :2]
     speed = float(np.mean(velocity[walking, 0]))
-    if way.source == "feet":
+    if path.source == "feet":
         velocity[:, 0] = _steady(velocity[:, 0], phase, speed)
     share = len(inside) / len(even.times)
     # An optical laboratory has no camera that turns, and nobody walks backward on a treadmill.
-    in_place_backward = precise and feet.backward and way.source == "feet"
+    in_place_backward = precise and feet.backward and path.source == "feet"
     ahead = along_heading(level - root[:, None], heading)
     reaches = [float(np.std(ahead[walking, N[f"ankle_{side}"], 0])) for side in ("left", "right")]
-    if in_place_backward or not _is_walk(strides, way, speed, share, reaches):
+    if in_place_backward or not _is_walk(strides, path, speed, share, reaches):
         return []
-    # Positions in walking axes: the way is integrated along the heading, so that a curve is straightened.
+    # Positions in walking axes: the path is integrated along the heading, so that a curve is straightened.
     travelled = np.concatenate(
         [np.zeros((1, 2)), np.cumsum(0.5 * (velocity[1:] + velocity[:-1]), axis=0) / RATE]
     )
@@ -274,7 +315,7 @@ def _bout(
         positions=rotate(turn[:, None], p - middle[:, None]) + place[:, None],
         phase=np.interp(at, seconds, phase),
         strides=tuple(strides),
-        way=way,
+        path=path,
         speed=speed,
         backward=feet.backward,
         period=float(np.median([stride.period for stride in strides if stride.walking])),
@@ -316,13 +357,21 @@ def _evened(values: Array, tolerance: float) -> Array:
     return line if float(np.std(values - line)) < tolerance else values
 
 
-def _is_walk(strides: list[Stride], way: Way, speed: float, share: float, reaches: list[float]) -> bool:
+def _is_walk(
+    strides: list[Stride], path: GroundPath, speed: float, share: float, reaches: list[float]
+) -> bool:
     """Whether strides of alternating feet are a walk or a run, over the ground or on the spot.
 
     share: of the pass that they take; reaches: metres (rms) by which each ankle moves about the hips.
     """
-    cycles = sum(stride.cycles for stride in strides if stride.walking)
-    if way.source == "neither":
+    usual = float(np.median([stride.period for stride in strides if stride.walking]))
+    alike = [abs(stride.period - usual) <= MAX_PERIOD_DEVIATION * usual for stride in strides]
+    cycles = sum(
+        stride.cycles
+        for stride, same in zip(strides, alike, strict=True)
+        if stride.walking or (stride.transition and stride.r2 >= MIN_R2 and same)
+    )
+    if path.source == "neither":
         return False
     if cycles >= MIN_STRIDES:
         amplitude = float(np.median([stride.amplitude for stride in strides if stride.walking]))
@@ -335,5 +384,5 @@ def _is_walk(strides: list[Stride], way: Way, speed: float, share: float, reache
         and share > MIN_SHARE
         and abs(speed) > MIN_SPEED
         and travel > MIN_TRAVEL
-        and (way.source == "recorded" or both)
+        and (path.source == "recorded" or both)
     )

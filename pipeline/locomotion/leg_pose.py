@@ -12,6 +12,9 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 # Degrees; a walking knee peaks at 50 to 75, a running one at 90 to 125.
 KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
 HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
+# Where the bones keep their length, a pose is no tracking error: the joints' own ranges, as of a walker in a
+# crouch.
+PRECISE_KNEE_LIMIT, PRECISE_HIP_LIMITS = 150.0, (-60.0, 135.0)
 MAX_BONE_DEVIATION = 0.30  # of a leg bone from its median length; beyond it, a tracking error
 
 
@@ -27,12 +30,15 @@ def leg_bones(positions: Array) -> Array:
     )
 
 
-def impossible_legs(positions: Array, bones: Array, *, running: bool) -> Mask:
+def impossible_legs(positions: Array, bones: Array, *, running: bool, precise: bool = False) -> Mask:
     """Frames (T, 2) in which the left or right leg is missing or in a pose that no walker takes.
 
-    positions: (T, 20, 3) along +X with Z up; bones: (4,) usual lengths as `leg_bones` gives them.
+    positions: (T, 20, 3) along +X with Z up; bones: (4,) usual lengths as `leg_bones` gives them; precise:
+    whether the recording is accurate to a centimetre, so that only what no joint does is an error.
     """
     gait = "run" if running else "walk"
+    most_bent = PRECISE_KNEE_LIMIT if precise else KNEE_LIMIT[gait]
+    low, high = PRECISE_HIP_LIMITS if precise else HIP_LIMITS[gait]
     ahead = np.broadcast_to(from_axis_angle("Z", 0.0), (len(positions), 4))
     lateral = np.array([0.0, 1.0, 0.0])
     stretched = np.abs(leg_bones(positions) / bones - 1.0) > MAX_BONE_DEVIATION
@@ -44,7 +50,6 @@ def impossible_legs(positions: Array, bones: Array, *, running: bool) -> Mask:
         )
         bend = np.abs(np.degrees(knee_flexion(hip, knee, ankle, lateral)))
         thigh = np.degrees(hip_flexion(ahead, hip, knee))
-        low, high = HIP_LIMITS[gait]
-        bad = (bend > KNEE_LIMIT[gait]) | (thigh < low) | (thigh > high)
+        bad = (bend > most_bent) | (thigh < low) | (thigh > high)
         wrong.append(~seen | bad | stretched[:, 2 * k : 2 * k + 2].any(axis=1))
     return np.stack(wrong, axis=1)

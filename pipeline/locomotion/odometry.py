@@ -1,8 +1,8 @@
-"""The way over the ground, from the feet alone: a foot that carries the body does not move.
+"""The path over the ground, from the feet alone: a foot that carries the body does not move.
 
 The pose about the pelvis gives the velocity of the pelvis over the foot in stance. Between stances, and where
 no foot is still enough, the centre of mass keeps its velocity: between two feet its speed is interpolated,
-and in flight nothing but gravity acts on it. The recorded path is not used, so the same way results on a
+and in flight nothing but gravity acts on it. The recorded path is not used, so the same path results on a
 floor, on a treadmill, before a camera that turns with the walker, and from poses without a root.
 """
 
@@ -60,11 +60,14 @@ _SMOOTHING = 0.03  # s, of the velocity
 class FootOdometry:
     """velocity: (T, 2) m/s of the middle of the hips over the ground, in the axes of the positions; running:
     whether the gait is running; backward: whether the feet in stance move forward under the body, as of a
-    person who walks backward."""
+    person who walks backward; single: (2, T, 2) m/s over the left and over the right foot alone, and weights:
+    (2, T) 0 where that foot is not in stance."""
 
     velocity: Array
     running: bool
     backward: bool
+    single: Array
+    weights: Array
 
 
 def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *, toes: bool) -> FootOdometry:
@@ -78,7 +81,13 @@ def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *
     if _steps_backward(pose, phase):
         # Walking backward is walking forward in reversed time.
         reverse = _forward_odometry(pose[::-1], heading[::-1], -phase[::-1], rate, toes=toes)
-        return FootOdometry(-reverse.velocity[::-1], reverse.running, backward=True)
+        return FootOdometry(
+            -reverse.velocity[::-1],
+            reverse.running,
+            backward=True,
+            single=-reverse.single[:, ::-1],
+            weights=reverse.weights[:, ::-1],
+        )
     return _forward_odometry(pose, heading, phase, rate, toes=toes)
 
 
@@ -89,7 +98,7 @@ def _forward_odometry(pose: Array, heading: Array, phase: Array, rate: float, *,
     profiles = {"ankle": _RUNNING_ANKLE if running else _WALKING_ANKLE}
     if toes:
         profiles["foot"] = _RUNNING_TOE if running else _WALKING_TOE
-    total, weights = np.zeros((len(pose), 2)), np.zeros(len(pose))
+    totals, each = np.zeros((2, len(pose), 2)), np.zeros((2, len(pose)))
     for foot, side in enumerate(SIDES):
         own = np.mod(phase + 0.5 * foot, 1.0)
         for joint, rolling in profiles.items():
@@ -98,18 +107,20 @@ def _forward_odometry(pose: Array, heading: Array, phase: Array, rate: float, *,
             along = np.einsum("tk,tk->t", speed, forward)
             carried = speed + (along * share / (1.0 - share))[:, None] * forward
             weight = _taper(own, rolling.phase[0], rolling.phase[-1]) * (1.0 - share) ** 2
-            total += weight[:, None] * carried
-            weights += weight
+            totals[foot] += weight[:, None] * carried
+            each[foot] += weight
+    single = totals / np.maximum(each, 1e-9)[..., None]
+    total, weights = totals.sum(axis=0), each.sum(axis=0)
     known = weights > 0.05
     if known.sum() < 2:
-        return FootOdometry(np.zeros((len(pose), 2)), running, backward=False)
+        return FootOdometry(np.zeros((len(pose), 2)), running, backward=False, single=single, weights=each)
     # The pelvis swings about the centre of mass, whose velocity is what is interpolated.
     swing = rate * np.gradient(center_of_mass(pose)[:, :2], axis=0)
     of_mass = total[known] / weights[known, None] + swing[known]
     at = np.arange(len(pose))
     velocity = np.stack([np.interp(at, at[known], column) for column in of_mass.T], axis=1) - swing
     velocity = gaussian_filter1d(velocity, _SMOOTHING * rate, axis=0, mode="nearest")
-    return FootOdometry(np.asarray(velocity), running, backward=False)
+    return FootOdometry(np.asarray(velocity), running, backward=False, single=single, weights=each)
 
 
 def _taper(own: Array, first: float, last: float) -> Array:
@@ -147,7 +158,7 @@ def _steps_backward(pose: Array, phase: Array) -> bool:
 
 
 @dataclass(frozen=True)
-class Way:
+class GroundPath:
     """Where the speed of a bout comes from.
 
     source: "recorded" where the recorded path agrees with the feet; "feet" where the body stays in place
@@ -168,38 +179,58 @@ class Way:
 MAX_DISAGREEMENT = {True: 0.20, False: 0.35}
 MAX_STRIDE_DISAGREEMENT = 0.35  # of a single stride of an optical recording
 IN_PLACE = 0.5
+# From the foot that agrees better: a sound leg beside a limping one agrees to 0.03; legs that a sensor
+# exchanged, to 0.09.
+MAX_ONE_FOOT = 0.06
+MIN_STANCE_FRAMES = 5  # of one foot within a stride
 _SLOW = 0.3  # m/s: at lower speeds, differences count as of this speed
 
 
 def disagreements(root: Array, feet: FootOdometry, phase: Array, edges: Array, rate: float) -> Array:
-    """Per stride (K, 2), the distance between recorded path and feet, and the way of the path, over that by
-    feet.
+    """Per stride (K, 3), the distance between recorded path and feet, the length of the path, both over that
+    by feet, and the distance from the foot that agrees better, while it stands.
+
+    A leg that limps is on the ground for a shorter part of the stride than is expected here; the other one
+    carries the body.
 
     root: (T, 3) metres, the recorded middle of the hips; phase: (T,) cycles; edges: (K, 2) first and last
     phase of each stride; NaN for a stride without frames.
     """
     recorded = rate * np.gradient(root[:, :2], axis=0)
-    out = np.full((len(edges), 2), np.nan)
+    out = np.full((len(edges), 3), np.nan)
     for k, (start, end) in enumerate(edges):
         mine = slice(*np.searchsorted(phase, (start, end)))
         if mine.stop - mine.start < 2:
             continue
         by_feet, by_path = feet.velocity[mine].mean(axis=0), recorded[mine].mean(axis=0)
         speed = max(float(np.linalg.norm(by_feet)), _SLOW)
-        out[k] = np.linalg.norm(by_path - by_feet) / speed, np.linalg.norm(by_path) / speed
+        apart = float(np.linalg.norm(by_path - by_feet)) / speed
+        out[k] = apart, np.linalg.norm(by_path) / speed, apart
+        for over, weights in zip(feet.single[:, mine], feet.weights[:, mine], strict=True):
+            if np.count_nonzero(weights) < MIN_STANCE_FRAMES:
+                continue
+            by_foot, then = (np.average(one, axis=0, weights=weights) for one in (over, recorded[mine]))
+            size = max(float(np.linalg.norm(by_foot)), _SLOW)
+            out[k, 2] = min(out[k, 2], float(np.linalg.norm(then - by_foot)) / size)
     return out
 
 
-def choose_way(root: Array, feet: FootOdometry, apart: Array, rate: float, *, precise: bool) -> Way:
-    """The recorded path where it agrees with the feet, else the feet.
+def choose_path(root: Array, feet: FootOdometry, apart: Array, rate: float, *, precise: bool) -> GroundPath:
+    """The recorded path where it agrees with the feet, or in an optical recording with one of them, else the
+    feet.
 
     apart: of `disagreements`, of whole strides if there are any.
     """
     known = apart[np.isfinite(apart).all(axis=1)]
     recorded = rate * np.gradient(root[:, :2], axis=0)
     if not len(known):
-        return Way("neither", float("inf"), recorded)
-    disagreement, moved = np.median(known, axis=0).tolist()
+        return GroundPath("neither", float("inf"), recorded)
+    disagreement, moved, of_one_foot = np.median(known, axis=0).tolist()
     if disagreement < MAX_DISAGREEMENT[precise]:
-        return Way("recorded", disagreement, recorded)
-    return Way("feet" if moved < IN_PLACE else "neither", disagreement, feet.velocity)
+        return GroundPath("recorded", disagreement, recorded)
+    if moved < IN_PLACE:
+        return GroundPath("feet", disagreement, feet.velocity)
+    # A depth sensor may well show one of two feet so that it agrees by chance.
+    if precise and of_one_foot < MAX_ONE_FOOT:
+        return GroundPath("recorded", of_one_foot, recorded)
+    return GroundPath("neither", disagreement, feet.velocity)

@@ -115,7 +115,8 @@ def _between(
 def only_segment(clip: Clip, positions: Array, wanted: str) -> Clip:
     """The clip with all frames outside a segment taken out of their passes.
 
-    wanted: the name of a segment, or "START-END" in seconds. KinemimicError if there is no such segment.
+    wanted: the name of a segment, or "START-END" in seconds. KinemimicError if there is no such segment, or a
+    shorter one than `ingest` keeps.
     """
     times = _TIMES.fullmatch(wanted)
     if times is not None:
@@ -137,5 +138,13 @@ def only_segment(clip: Clip, positions: Array, wanted: str) -> Clip:
         raise KinemimicError(
             f"--segment: expected frames between {start:g} and {end:g} s, found none; the capture has "
             f"{clip.times[0]:.1f} to {clip.times[-1]:.1f} s"
+        )
+    longest = max(
+        float(np.ptp(clip.times[passes == number])) for number in np.unique(passes[passes >= 0]).tolist()
+    )
+    if longest < MIN_DURATION - 1e-6:
+        raise KinemimicError(
+            f"--segment: expected at least {MIN_DURATION:g} s of a pass, found {longest:.2f} s between "
+            f"{start:g} and {end:g} s; choose a longer segment"
         )
     return replace(clip, passes=passes)

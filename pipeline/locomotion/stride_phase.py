@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.locomotion.fourier import design
 from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
 
@@ -39,12 +39,12 @@ class StridePhase:
     period: float
 
 
-def gait_phase(times: Array, ankles: Array) -> Array | None:
+def gait_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> Array | None:
     """The phase (T,) of `stride_phase`; of less than one and a half strides, that of one harmonic.
 
     None if the ankles do not show a gait.
     """
-    strides = stride_phase(times, ankles)
+    strides = stride_phase(times, ankles, steady=steady)
     if strides is not None:
         return strides.phase
     seen = np.isfinite(ankles)
@@ -56,9 +56,10 @@ def gait_phase(times: Array, ankles: Array) -> Array | None:
     return harmonic.phase(times)
 
 
-def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
+def stride_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> StridePhase | None:
     """Phase from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where not seen.
 
+    steady: (T,) frames to which harmonics are fitted; while the person stands, there is none.
     Turning points count the strides; harmonics fitted to the strides around each moment refine the timing.
     None with fewer than three turning points.
     """
@@ -69,8 +70,9 @@ def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
     counted = _count_cycles(times, distance)
     if counted is None:
         return None
-    phase = counted - _phase_error(counted, distance, seen)
-    wave = design(phase, 1)
+    fitted = np.ones(len(seen), dtype=np.bool_) if steady is None else steady
+    phase = counted - _phase_error(counted, distance, seen & fitted)
+    wave, distance = design(phase, 1)[fitted], distance[fitted]
     amplitudes = np.asarray(np.linalg.lstsq(wave, distance, rcond=None)[0], dtype=np.float64)
     residual = distance - wave @ amplitudes
     spread = float(np.sum((distance - distance.mean()) ** 2))

@@ -4,6 +4,7 @@ well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -15,6 +16,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.fourier import design
 from kinemimic.pipeline.locomotion.heading import along_heading
+from kinemimic.pipeline.locomotion.standing import Transition, kind_of, steady_span
 
 # Seconds of a stride: from a sprinter to a patient with a stride of 2.1 s at 0.5 m/s.
 PERIODS = (0.45, 3.0)
@@ -43,12 +45,13 @@ _SAMPLES = 40  # of a stride
 
 @dataclass(frozen=True)
 class Stride:
-    """One stride, or the part of one that the edge of a pass left.
+    """One stride, or the part of one that the edge of a pass or a half stride next to standing left.
 
     start, end: phase in cycles; times: seconds; period: seconds of a full stride; r2: of one harmonic of the
     ankles' distance; amplitude: metres; turn: radians by which the heading changes; walking: whether this is
-    a stride of walking or running; used: whether the left and the right leg are good enough for a loop;
-    reason: why a leg is not, "" if both are.
+    a stride of walking or running; transition: "half stride into standing" or "… out of standing", which is
+    no stride of walking, else ""; why: a stride as regular as in walking is none, else ""; used: whether the
+    left and the right leg are good enough for a loop; reason: why a leg is not, "" if both are.
     """
 
     start: float
@@ -59,8 +62,10 @@ class Stride:
     amplitude: float
     turn: float
     walking: bool
+    transition: str = ""
     used: tuple[bool, bool] = (False, False)
     reason: str = ""
+    why: str = ""
 
     @property
     def cycles(self) -> float:
@@ -68,13 +73,20 @@ class Stride:
 
 
 def cut_strides(
-    times: Array, positions: Array, heading: Array, phase: Array, *, facing: Array | None = None
+    times: Array,
+    positions: Array,
+    heading: Array,
+    phase: Array,
+    *,
+    facing: Array | None = None,
+    transitions: Sequence[Transition] = (),
 ) -> list[Stride]:
     """The strides of a pass on an even clock: times (T,), positions (T, 20, 3) with Z up, heading and phase
     (T,).
 
     A stride begins where the left ankle is farthest ahead. facing: (T,) radians between the heading and the
-    front of the body, None where the sensor does not show the front well enough to tell steps to the side.
+    front of the body, None where the sensor does not show the front well enough to tell steps to the side;
+    transitions: the half strides next to standing, which become strides of their own.
     """
     hips = 0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]])
     ankles = [
@@ -83,9 +95,10 @@ def cut_strides(
     trunk = positions[:, N["shoulder_center"]] - hips
     lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
     found = []
-    edges = _edges(phase)
-    for start, end in pairwise(edges):
-        inside = slice(*np.searchsorted(phase, judged_span(start, end, phase)))
+    for start, end in pairwise(_edges(phase, transitions)):
+        transition = kind_of(start, end, transitions)
+        around = (start, end) if transition else steady_span(start, end, phase, transitions)
+        inside = slice(*np.searchsorted(phase, judged_span(start, end, around)))
         if inside.stop - inside.start < 6:
             continue
         first, last = np.interp([start, end], phase, times)
@@ -98,14 +111,20 @@ def cut_strides(
         turn = float(np.ptp(heading[mine])) if mine.stop > mine.start else 0.0
         period = float((last - first) / (end - start))
         leaning = lean[inside][np.isfinite(lean[inside])]
-        walking = (
-            PERIODS[0] <= period <= PERIODS[1]
+        regular = (
+            not transition
+            and PERIODS[0] <= period <= PERIODS[1]
             and r2 >= MIN_R2
-            and amplitude >= max(MIN_AMPLITUDE, abs(mean))  # the ankles pass each other
-            and apart > MIN_ALTERNATION * (apart + together)
-            and (turn < MAX_TURN if facing is None else float(np.median(facing[inside])) < MAX_SIDEWAYS)
-            and not (len(leaning) and float(np.percentile(leaning, 90.0)) > MAX_TRUNK_LEAN)
+            and amplitude >= MIN_AMPLITUDE
         )
+        why = _why_no_walk(
+            passing=amplitude >= abs(mean),
+            alternation=float(apart / np.maximum(apart + together, 1e-12)),
+            turn=turn if facing is None else 0.0,
+            sideways=0.0 if facing is None else float(np.median(facing[inside])),
+            lean=float(np.percentile(leaning, 90.0)) if len(leaning) else 0.0,
+        )
+        walking = regular and not why
         found.append(
             Stride(
                 float(start),
@@ -116,22 +135,47 @@ def cut_strides(
                 amplitude,
                 turn,
                 bool(walking),
+                transition,
+                why=why if regular else "",
             )
         )
     return found
 
 
-def judged_span(start: float, end: float, phase: Array) -> tuple[float, float]:
-    """First and last phase by which a stride is judged: a part of one with the rest of a stride beside it."""
+def _why_no_walk(*, passing: bool, alternation: float, turn: float, sideways: float, lean: float) -> str:
+    """Why a regular stride is not one of walking, "" if it is.
+
+    passing: whether the ankles pass each other; alternation: as of MIN_ALTERNATION; radians: turn of the
+    heading, sideways between the line of the feet and the body's front, lean of the trunk.
+    """
+    if not sideways < MAX_SIDEWAYS:
+        return "steps to the side"
+    if not passing:
+        return "one ankle stays ahead of the other"
+    if not alternation > MIN_ALTERNATION:
+        return "left and right leg differ too much: one hardly moves"
+    if not turn < MAX_TURN:
+        return f"turns by more than {np.degrees(MAX_TURN):.0f}°"
+    if lean > MAX_TRUNK_LEAN:
+        return f"the trunk leans by more than {np.degrees(MAX_TRUNK_LEAN):.0f}°"
+    return ""
+
+
+def judged_span(start: float, end: float, around: tuple[float, float]) -> tuple[float, float]:
+    """First and last phase by which a stride is judged: a part of one with the rest of a stride beside it.
+
+    around: first and last phase of the walk.
+    """
     if end - start >= 0.9:
         return start, end
-    if end - 1.0 >= phase[0]:
+    first, last = around
+    if end - 1.0 >= first:
         return end - 1.0, end
-    return (start, start + 1.0) if start + 1.0 <= phase[-1] else (float(phase[0]), float(phase[-1]))
+    return (start, start + 1.0) if start + 1.0 <= last else (first, last)
 
 
-def _edges(phase: Array) -> Array:
-    """Phases at which strides begin and end, with the edges of the pass."""
+def _edges(phase: Array, transitions: Sequence[Transition]) -> Array:
+    """Phases at which strides begin and end, with the edges of the pass and of transitions."""
     whole = np.arange(np.ceil(phase[0]), np.floor(phase[-1]) + 1.0)
     edges = np.concatenate([[phase[0]], whole, [phase[-1]]])
     keep = np.ones(len(edges), dtype=np.bool_)
@@ -139,6 +183,11 @@ def _edges(phase: Array) -> Array:
         keep[1] = edges[1] - edges[0] >= MIN_SHARE_OF_STRIDE
         keep[-2] = edges[-1] - edges[-2] >= MIN_SHARE_OF_STRIDE
     edges = edges[keep]
+    for one in transitions:
+        # A whole phase close to the half stride would leave too short a part beside it.
+        beside = (edges > one.start - MIN_SHARE_OF_STRIDE) & (edges < one.end + MIN_SHARE_OF_STRIDE)
+        edges = np.sort(np.concatenate([edges[~beside], [one.start, one.end]]))
+    edges = np.unique(np.concatenate([[phase[0]], edges, [phase[-1]]]))
     return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-9])])
 
 
@@ -173,12 +222,14 @@ def judge_strides(
         used = [False, False]
         if not reason:
             used = [float(np.mean(~bad[inside, k])) >= MIN_SEEN for k in range(2)]
-            reason = "" if all(used) else "a leg is missing or in an impossible pose"
+            reason = "" if all(used) else "a leg is missing or bent as in a tracking error"
         judged.append(replace(stride, used=(used[0], used[1]), reason=reason))
     return _drop_odd_legs(judged, curves) if compare else judged
 
 
 def _unusable(stride: Stride, period: float) -> str:
+    if stride.transition:
+        return stride.transition
     if not stride.walking:
         return "not a stride of walking"
     if stride.turn > MAX_USED_TURN:

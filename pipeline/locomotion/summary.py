@@ -30,5 +30,5 @@ def gait_summary(bouts: list[Bout]) -> dict[str, Any] | None:
         "bouts": len(bouts),
         "strides": rounded(sum(one.cycles for one in bouts), 1),
         "strides_usable": rounded(sum(one.used_strides for one in bouts), 1),
-        "path": "feet" if any(one.way.source == "feet" for one in bouts) else "recorded",
+        "path": "feet" if any(one.path.source == "feet" for one in bouts) else "recorded",
     }

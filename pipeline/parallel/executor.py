@@ -1,4 +1,4 @@
-"""Who carries out tasks: this process, other processes of this machine, or a cluster.
+"""Executors: where tasks run, in this process, in others on this machine, or on a cluster.
 
 A caller that takes an `Executor` does not know which. Where an executor has no disk in common with its
 caller (`shares_disk`), a task carries the bytes of its inputs, and its result those of its outputs; where it

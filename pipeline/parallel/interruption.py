@@ -53,6 +53,34 @@ def deferred() -> Iterator[Interruption]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def ended_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM end the block with SystemExit, so that it cleans up; without, it would kill the process.
+
+    Only in the main thread, and where nothing else heeds the signal. Processes that are forked within the
+    block keep the default.
+    """
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+    ):
+        yield
+        return
+    owner = os.getpid()
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        if os.getpid() == owner:
+            raise SystemExit(128 + number)
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _leave_the_terminal() -> None:
     """Point stdout and stderr to nowhere if they are terminals: writing to one that was closed fails."""
     nowhere = os.open(os.devnull, os.O_WRONLY)

@@ -15,6 +15,7 @@ from kinemimic.pipeline.filters.clean import FILTER_DESCRIPTIONS
 from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.passes import MIN_PASS_DURATION, Acquisition, find_passes, with_passes
 from kinemimic.pipeline.quality.rules import (
     assumed_rate,
@@ -89,7 +90,11 @@ def check_capture(recorded: Clip) -> CheckedCapture:
             return CheckedCapture(
                 clip, acquisition, sorted_defects([*read, *defects, _no_subject(clip, acquisition)])
             )
+    clip, found = duplicate_frames.mark_frozen(clip, acquisition.repeats)
+    defects += found
     defects += clock.detect(clip) + gaps.detect(clip)
+    clip, found = jumps.repair_body(clip, acquisition.displaced)
+    defects += found
     for repair in _RULES_IN_PASSES:
         clip, found = repair(clip)
         defects += found
@@ -120,13 +125,10 @@ def planned_steps(checked: CheckedCapture) -> list[str]:
     lengths = [clip.times[clip.passes == number] for number in range(acquisition.count)]
     frames = sum(map(len, lengths))
     seconds = sum(float(times[-1] - times[0]) for times in lengths)
-    steps = [
-        f"{acquisition.count} pass{'es' if acquisition.count != 1 else ''}, {frames} frames, {seconds:.1f} s"
-    ]
+    steps = [f"{plural(acquisition.count, 'pass', 'passes')}, {plural(frames, 'frame')}, {seconds:.1f} s"]
     if (outside := len(clip.times) - frames) or acquisition.discarded:
-        steps.append(
-            f"{outside} frames outside passes are left out ({acquisition.discarded} passes too short)"
-        )
+        short = plural(acquisition.discarded, "pass", "passes")
+        steps.append(f"{plural(outside, 'frame')} outside passes left out ({short} too short)")
     steps += [
         f"{RULES[defect.rule]}: {defect.text}"
         for defect in checked.defects
@@ -142,6 +144,9 @@ def _no_subject(clip: Clip, acquisition: Acquisition) -> Defect:
         text = f"all {acquisition.discarded} passes are shorter than {MIN_PASS_DURATION} s"
         return Defect("gaps", acquisition.discarded, "passes", "refused", text)
     frames = len(clip.times)
+    if acquisition.repeats.nobody.all():
+        text = f"nobody moves in any of {frames} frames: all repeat one pose, bit for bit"
+        return Defect("duplicate_frames", frames, "frames", "refused", text)
     return Defect("zero_frames", frames, "frames", "refused", f"no subject in any of {frames} frames")
 
 

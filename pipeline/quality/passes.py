@@ -17,16 +17,10 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
-from kinemimic.pipeline.kinematics.spans import runs
+from kinemimic.pipeline.quality.displaced_body import body_jumps, displaced_frames
+from kinemimic.pipeline.quality.rules.repeated_poses import CLOCK_GAP, MAX_ABSENCE, LongRepeats, long_repeats
 
-# Seconds. A pass ends at a jump of the clock longer than CLOCK_GAP, or if nobody is seen for MAX_ABSENCE.
-CLOCK_GAP = 0.5
-MAX_ABSENCE = 0.2
-MIN_PASS_DURATION = 0.5
-# m/s and metres. No human has run faster than 12.4 m/s: a body that moves faster, by more than the noise, is
-# a different one.
-TOP_SPEED = 12.5
-JUMP_NOISE = 0.1
+MIN_PASS_DURATION = 0.5  # s
 
 
 class State(StrEnum):
@@ -54,13 +48,16 @@ class Acquisition:
     """The passes of a capture.
 
     passes: (T,) number of the pass or -1; complete: (T,) all joints seen; events: in order of time;
-    discarded: number of passes shorter than MIN_PASS_DURATION, whose frames get -1.
+    discarded: number of passes shorter than MIN_PASS_DURATION, whose frames get -1; repeats: poses that are
+    repeated for long; displaced: (T,) frames in which the whole body is in another place.
     """
 
     passes: NDArray[np.int32]
     complete: Mask
     events: tuple[Event, ...]
     discarded: int
+    repeats: LongRepeats
+    displaced: Mask
 
     @property
     def count(self) -> int:
@@ -71,8 +68,11 @@ class Acquisition:
 def find_passes(clip: Clip) -> Acquisition:
     """The passes of a clip."""
     seen = clip.states != MISSING
-    present = seen.any(axis=1) & ~_frozen_frames(clip)
-    events = list(_state_machine(clip, present))
+    repeats = long_repeats(clip)
+    present = seen.any(axis=1) & ~repeats.nobody & ~repeats.frozen
+    displaced = displaced_frames(clip, present)
+    present &= ~displaced
+    events = list(_state_machine(clip, present, repeats))
     passes = np.full(len(clip.times), -1, dtype=np.int32)
     count = discarded = 0
     for begin, end in pairwise(events):
@@ -86,7 +86,7 @@ def find_passes(clip: Clip) -> Acquisition:
             continue
         passes[begin.frame : last] = count
         count += 1
-    return Acquisition(passes, seen.all(axis=1) & present, tuple(events), discarded)
+    return Acquisition(passes, seen.all(axis=1) & present, tuple(events), discarded, repeats, displaced)
 
 
 def with_passes(clip: Clip, acquisition: Acquisition) -> Clip:
@@ -94,10 +94,13 @@ def with_passes(clip: Clip, acquisition: Acquisition) -> Clip:
     return replace(clip, passes=acquisition.passes)
 
 
-def _state_machine(clip: Clip, present: Mask) -> Iterator[Event]:
-    """The state changes; a loss is reported at the first frame after the pass."""
+def _state_machine(clip: Clip, present: Mask, repeats: LongRepeats) -> Iterator[Event]:
+    """The state changes; a loss is reported at the first frame after the pass.
+
+    While the sensor is frozen, the person is still there.
+    """
     times = clip.times
-    jumps = _body_jumps(clip, present)
+    jumps = body_jumps(clip, present)
     yield Event(0, float(times[0]), State.START, "recording")
     state, last = State.WAITING, -1
     yield Event(0, float(times[0]), State.WAITING, "device open")
@@ -108,45 +111,16 @@ def _state_machine(clip: Clip, present: Mask) -> Iterator[Event]:
                 reason = f"no frame for {time - times[frame - 1]:.2f} s"
             elif (last < frame - 1 or not present[frame]) and time - times[last] > MAX_ABSENCE + 1e-6:
                 reason = f"nobody seen for more than {MAX_ABSENCE} s"
+                if repeats.nobody[frame]:
+                    reason = f"the last pose repeats for more than {MAX_ABSENCE} s: nobody seen"
             elif jumps[frame]:
                 reason = "the whole body jumped"
             if reason:
                 state = State.LOST
                 yield Event(frame, time, state, reason)
-        if present[frame]:
-            if state is not State.TRACKING:
-                state = State.TRACKING
-                yield Event(frame, time, state, "subject seen")
+        if present[frame] and state is not State.TRACKING:
+            state = State.TRACKING
+            yield Event(frame, time, state, "subject seen")
+        if present[frame] or repeats.frozen[frame]:
             last = frame
     yield Event(len(times), float(times[-1]), State.END, "end of the recording")
-
-
-def _frozen_frames(clip: Clip) -> Mask:
-    """Frames (T,) that repeat the previous pose, bit for bit, in a run longer than MAX_ABSENCE.
-
-    Formats without a code for "nobody" make recorders repeat the last pose until a subject returns.
-    """
-    p = clip.positions.reshape(len(clip.times), -1)
-    same = np.concatenate([[False], ((p[1:] == p[:-1]) | (np.isnan(p[1:]) & np.isnan(p[:-1]))).all(axis=1)])
-    frozen = np.zeros(len(p), dtype=np.bool_)
-    for repeated in runs(same):
-        if clip.times[repeated.stop - 1] - clip.times[repeated.start - 1] > MAX_ABSENCE:
-            frozen[repeated] = True
-    if len(p) > 1 and frozen[1:].all():
-        frozen[0] = True  # the whole clip is one pose: no person
-    return frozen
-
-
-def _body_jumps(clip: Clip, present: Mask) -> Mask:
-    """Frames (T,) that most joints reached faster than a human can, from the last frame with a subject."""
-    jumps = np.zeros(len(present), dtype=np.bool_)
-    frames = np.flatnonzero(present)
-    step = np.linalg.norm(np.diff(clip.positions[frames], axis=0), axis=-1)
-    step[np.isnan(step)] = -1.0
-    count = (step >= 0).sum(axis=1)
-    # The median over the joints seen in both frames: the others sort to the front.
-    middle = step.shape[1] - 1 - count // 2
-    median = np.take_along_axis(np.sort(step, axis=1), np.maximum(middle, 0)[:, None], axis=1)[:, 0]
-    limit = TOP_SPEED * np.diff(clip.times[frames]) + JUMP_NOISE
-    jumps[frames[1:]] = (count > 0) & (median > limit)
-    return jumps

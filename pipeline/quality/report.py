@@ -16,6 +16,7 @@ from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics, share
+from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.pipeline.quality.passes import Acquisition
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 from kinemimic.pipeline.quality.stored import QUALITY_SCHEMA
@@ -26,7 +27,7 @@ def quality_report(
 ) -> dict[str, Any]:
     """The quality report as JSON values; shares are of the frames inside passes, lengths in metres."""
     inside = acquisition.passes >= 0
-    reading = raw.provenance["reading"]
+    reading, clock = raw.provenance["reading"], _clock(raw.times, acquisition.passes)
     joints = joint_statistics(raw, inside)
     for joint, name in enumerate(raw.skeleton.names):
         joints[name]["filled"] = share(cleaning.filled[inside, joint])
@@ -41,7 +42,7 @@ def quality_report(
         "frames_in_passes": int(inside.sum()),
         "complete_frames": int(acquisition.complete[inside].sum()),
         "defects": [defect.to_json() for defect in defects],
-        "clock": _clock(raw.times, acquisition.passes),
+        "clock": clock,
         "passes": [_pass(raw, acquisition, number) for number in range(acquisition.count)],
         "passes_discarded": acquisition.discarded,
         "events": [
@@ -49,7 +50,7 @@ def quality_report(
             for e in acquisition.events
         ],
         "joints": joints,
-        "notes": list(reading["notes"]),
+        "notes": [*reading["notes"], *filter(None, [low_rate_note(clock["rate_hz"])])],
         "processing": list(cleaning.done),
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -83,6 +84,15 @@ def only_run() -> Path:
         )
     shown = ", ".join(map(str, found[:5])) + (" …" if len(found) > 5 else "")
     raise KinemimicError(f"{RUNS}: expected --run with one of its {len(found)} run folders: {shown}")
+
+
+def run_flag(run: Path) -> str:
+    """ " --run DIR" for the commands that a message advises, or "" if they take this folder by default."""
+    try:
+        default = only_run().resolve()
+    except KinemimicError:
+        default = None
+    return "" if run.resolve() == default else f" --run {shlex.quote(str(run))}"
 
 
 def _recording(capture: Path) -> list[Path]:

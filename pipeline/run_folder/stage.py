@@ -169,11 +169,13 @@ def _finish(run: Path, record: Record) -> Record:
         if staged.is_file():
             target.parent.mkdir(parents=True, exist_ok=True)
             staged.replace(target)
-    # The page about the folder is of the files before; what comes after a stage in evaluate/ writes it again.
-    for file in (*pending.removed, INDEX):
+    for file in pending.removed:
         (run / file).unlink(missing_ok=True)
     result = record.with_stage(pending.stage, pending.entry)
     outdated = _outdated(run, result, pending)
+    # The page about the folder links to files that go; what comes after a stage in evaluate/ writes it again.
+    if pending.removed or any(outdated.values()):
+        (run / INDEX).unlink(missing_ok=True)
     for name, files in outdated.items():
         _set_aside(run, files, run / OUTDATED / pending.outdated)
         result.stages.pop(name, None)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.virtual_kinect.placement import PLACEMENTS
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
@@ -25,10 +26,10 @@ from kinemimic.pipeline.virtual_kinect.walker import SPEEDS
     show_default=True,
     help="Seed of the person, the strides, the passes and the noise.",
 )
-@click.option("--speed", type=float, help="m/s: 0.6 to 1.8 for a walk, 2.5 to 4.5 for a run.")
+@click.option("--speed", type=FiniteRange(), help="m/s: 0.6 to 1.8 for a walk, 2.5 to 4.5 for a run.")
 @click.option(
     "--variability",
-    type=click.FloatRange(0.0, 2.0),
+    type=FiniteRange(0.0, 2.0),
     default=1.0,
     show_default=True,
     help="Variation of the strides as a multiple of what was measured on people; 0: one exact cycle.",

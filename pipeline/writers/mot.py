@@ -32,17 +32,18 @@ pelvis_tx, ty, tz put the model's hip joints where the motion's are; the model k
 endheader"""
 
 
-def write_mot(path: Path, poses: Poses) -> None:
+def write_mot(path: Path, poses: Poses, *, measured: bool = True) -> None:
     """Write poses of the 20 nodes, angles in degrees and positions in metres.
 
     Hinges (knees, ankles, elbows) get the part of their rotation about the lateral axis. That is all of it in
-    knees and elbows, unless a simulated joint was forced apart; a foot's sideways rotation is lost. Knees are
-    limited to anatomical angles (`angles.anatomical_knee`). The models have no coordinates for neck and
-    wrists.
+    knees and elbows, unless a simulated joint was forced apart; a foot's sideways rotation is lost. The
+    models have no coordinates for neck and wrists. measured: whether a sensor saw the poses, which may have
+    their knees' signs wrong (`angles.anatomical_knee`); those of a body that is simulated or fitted are its
+    own.
     """
     if poses.skeleton.names != NODES:
         raise ValueError("an OpenSim motion needs poses of the 20 nodes")
-    table = coordinates(poses)
+    table = coordinates(poses, measured=measured)
     rows = np.stack([np.arange(len(poses.rotations)) / poses.rate, *table.values()], axis=1)
     row_format = "\t".join(["%.6f", *["%.8f"] * len(table)])
     lines = [
@@ -57,8 +58,8 @@ def write_mot(path: Path, poses: Poses) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def coordinates(poses: Poses) -> dict[str, Array]:
-    """Coordinates (T,) by name, in degrees and metres."""
+def coordinates(poses: Poses, *, measured: bool = True) -> dict[str, Array]:
+    """Coordinates (T,) by name, in degrees and metres; measured: as in `write_mot`."""
     file_from_world = conjugate(WORLD_FROM_FILE)
     rotations = multiply(multiply(file_from_world, poses.rotations), WORLD_FROM_FILE)
     positions, _ = poses.kinematics()
@@ -80,10 +81,12 @@ def coordinates(poses: Poses) -> dict[str, Array]:
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):
         hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
         table |= ball(f"hip_{side}", *hip, mirror=mirror)
-        # gait2354's knee also over-extends by at most ten degrees.
-        leg = [positions[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle")]
-        steady = steady_leg(across, leg[1] - leg[0], leg[2] - leg[1])
-        table[f"knee_angle_{s}"] = -np.degrees(anatomical_knee(-hinge(f"knee_{side}"), steady=steady))
+        knee = -hinge(f"knee_{side}")
+        if measured:
+            leg = [positions[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle")]
+            steady = steady_leg(across, leg[1] - leg[0], leg[2] - leg[1])
+            knee = anatomical_knee(knee, np.arange(len(knee)) / poses.rate, steady=steady)
+        table[f"knee_angle_{s}"] = -np.degrees(knee)
         table[f"ankle_angle_{s}"] = np.degrees(hinge(f"ankle_{side}"))
     table |= ball("spine", "lumbar_extension", "lumbar_bending", "lumbar_rotation")
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):

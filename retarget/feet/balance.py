@@ -14,37 +14,39 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, from_rotvec, mult
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
-from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, TOTAL_MASS
+from kinemimic.retarget.humanoid.body import BODY_CENTERS, BODY_MASSES, BODY_NODES, TOTAL_MASS
 
 MARGIN = 0.02  # m by which the centre of mass comes inside the soles
 LARGEST_LEAN = np.radians(15.0)  # of a sensor that stands on a table or hangs on a wall
 _SMALLEST_LEAN = np.radians(0.5)
-# Who stands on the spot: share of the frames with a foot in contact, and the way of the hips, m. A jump or a
-# roll leans as its dynamics ask for.
+# When a body counts as standing on the spot: share of the frames with a foot in contact, and the travel of
+# the hips, m. A jump or a roll leans as its dynamics ask for.
 STANDING_SHARE = 0.8
 ON_THE_SPOT = 0.5
-_MASSES = np.array([body.mass for body in BODIES])
-_CENTERS = np.array([body.center for body in BODIES])
+# m/s of the hips from the first frame to the last: in a short part of a walk they do not come far.
+WALKING = 0.3
 
 
 def centre_of_mass(positions: Array, frames: Array) -> Array:
     """Centre of mass (T, 3) of the body with node positions (T, 20, 3) and frames (T, 20, 4), metres."""
     world = frames[:, BODY_NODES]
-    arms = rotate(world, np.broadcast_to(_CENTERS, (len(world), *_CENTERS.shape)))
-    found: Array = np.einsum("b,tbi->ti", _MASSES, positions[:, BODY_NODES] + arms) / TOTAL_MASS
+    arms = rotate(world, np.broadcast_to(BODY_CENTERS, (len(world), *BODY_CENTERS.shape)))
+    found: Array = np.einsum("b,tbi->ti", BODY_MASSES, positions[:, BODY_NODES] + arms) / TOTAL_MASS
     return found
 
 
-def upright(rotations: Array, root: Array, contacts: Mask) -> tuple[Array, Array, float]:
+def upright(rotations: Array, root: Array, contacts: Mask, rate: float = 60.0) -> tuple[Array, Array, float]:
     """Rotations (T, 20, 4) and root (T, 3) of a body that leans as it can while it stands, and by how many
     radians it was turned. The feet keep their orientation in the world.
 
-    contacts: (T, 2). Nothing changes for a body that does not stand on the spot, nor if the centre of mass is
-    over the soles that stand in at least half of the frames in which any does, nor by less than half a
-    degree.
+    contacts: (T, 2); rate: frames per second. Nothing changes for a body that does not stand on the spot, nor
+    if the centre of mass is over the soles that stand in at least half of the frames in which any does, nor
+    by less than half a degree.
     """
     standing = contacts.any(axis=1)
-    if standing.mean() < STANDING_SHARE or np.ptp(root[:, :2], axis=0).max() > ON_THE_SPOT:
+    speed = rate * np.linalg.norm((root[-1] - root[0])[:2]) / max(len(root) - 1, 1)
+    travels = speed > WALKING or np.ptp(root[:, :2], axis=0).max() > ON_THE_SPOT
+    if standing.mean() < STANDING_SHARE or travels:
         return rotations, root, 0.0
     soles = body_kinematics(rotations)[1]
     turned, path, total = rotations, root, np.zeros(3)
@@ -75,7 +77,7 @@ def _ankles(positions: Array) -> Array:
 
 
 def _outside(positions: Array, frames: Array, contacts: Mask) -> Array:
-    """Way (T, 2) from the centre of mass to the nearest point within the soles that stand, in the world,
+    """Vector (T, 2) from the centre of mass to the nearest point within the soles that stand, in the world,
     metres: zero where it is inside. They count as a rectangle along the heading of the pelvis."""
     ahead = rotate(frames[:, 0], np.broadcast_to([1.0, 0.0, 0.0], (len(frames), 3)))[:, :2]
     ahead = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.feet.contact import (
     at_lowest_corner,
@@ -20,7 +21,6 @@ from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH
 from kinemimic.retarget.humanoid.motion import Motion
 
-GRAVITY = 9.81
 RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
 FOLLOW_HARMONICS = 4  # harmonics in which a walker's root follows the foot in contact
 # Ridge of that fit: the first harmonic follows almost fully, the fourth by a sixth. With a tenth of it, a CMU

@@ -3,10 +3,10 @@
 The motion of the masses says where the ground's force would have to act: at the zero-moment point
 (Vukobratović and Borovac 2004, "Zero-moment point: thirty-five years of its life"). Outside the soles, no
 ground can give that force. The lean and sway of a depth sensor's walk are wrong by centimetres, which puts
-the point beside the feet, and who imitates such a walk falls. A body that moves as one, at the height h of
-its centre of mass, moves the point by d - (h/g) d'' if the root is displaced by d (the cart-table model:
-Kajita et al. 2003, "Biped walking pattern generation by using preview control of zero-moment point"). Here d
-is a short Fourier series. The foot in contact keeps its place; hips, knees and ankles follow.
+the point beside the feet, and a humanoid that imitates such a walk falls. A body that moves as one, at the
+height h of its centre of mass, moves the point by d - (h/g) d'' if the root is displaced by d (the cart-table
+model: Kajita et al. 2003, "Biped walking pattern generation by using preview control of zero-moment point").
+Here d is a short Fourier series. The foot in contact keeps its place; hips, knees and ankles follow.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import (
     conjugate,
     continuous,
@@ -28,12 +29,19 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.trunk import swing
+from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import corner_velocity, sole_positions
-from kinemimic.retarget.feet.ground import GRAVITY
 from kinemimic.retarget.feet.scale import body_kinematics
-from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, TOTAL_MASS, node_offsets
+from kinemimic.retarget.humanoid.body import (
+    BODIES,
+    BODY_CENTERS,
+    BODY_MASSES,
+    BODY_NODES,
+    TOTAL_MASS,
+    node_offsets,
+)
 from kinemimic.retarget.humanoid.motion import Motion
 
 MOMENTUM_HARMONICS, HARMONICS = 6, 4  # of the momentum, and of the displacement
@@ -49,8 +57,6 @@ LOW, SLOW = 0.03, 0.7
 CORNERS = 3  # so many of them make an area
 SUPPORTED = 0.5  # share of the frames with such an area, below which a loop is left alone
 _SUM = 1e3  # weight of the condition that shares sum to one
-_MASSES = np.array([body.mass for body in BODIES])
-_CENTERS = np.array([body.center for body in BODIES])
 _INERTIAS = np.array([body.inertia for body in BODIES])
 
 
@@ -102,18 +108,18 @@ def zero_moment_point(motion: Motion) -> Array:
     # A frame that advances uniformly: all that moves in it is periodic.
     advance = phase[:, None] * motion.cycle_offset
     world = turned[:, BODY_NODES]
-    arms = rotate(world, np.broadcast_to(_CENTERS, (frames, *_CENTERS.shape)))
+    arms = rotate(world, np.broadcast_to(BODY_CENTERS, (frames, *BODY_CENTERS.shape)))
     places = positions[:, BODY_NODES] + arms - advance[:, None]
     velocities = _rate(phase, places, period)
     after = np.roll(world, -1, axis=0)
     spin = motion.rate * to_rotvec(multiply(after, conjugate(world)))
     spin = 0.5 * (spin + np.roll(spin, 1, axis=0))
     turning = rotate(world, _INERTIAS * rotate(conjugate(world), spin))
-    momentum = np.einsum("b,tbi->ti", _MASSES, velocities)
-    angular = (np.cross(places, _MASSES[:, None] * velocities) + turning).sum(axis=1)
+    momentum = np.einsum("b,tbi->ti", BODY_MASSES, velocities)
+    angular = (np.cross(places, BODY_MASSES[:, None] * velocities) + turning).sum(axis=1)
     force = _rate(phase, momentum, period)[:, 2] + TOTAL_MASS * GRAVITY
     moment = _rate(phase, angular, period)
-    weight = GRAVITY * np.einsum("b,tbi->ti", _MASSES, places)
+    weight = GRAVITY * np.einsum("b,tbi->ti", BODY_MASSES, places)
     point = np.stack([weight[:, 0] - moment[:, 1], weight[:, 1] + moment[:, 0]], axis=-1) / force[:, None]
     found: Array = point + advance[:, :2]
     return found
@@ -143,7 +149,7 @@ class _Support:
         return cls(frames, [corners[frame][bearing[frame]][:, :2] for frame in frames])
 
     def outside(self, points: Array) -> Array:
-        """Way (K, 2) from the soles to the points (T, 2) of the frames, m; zero inside."""
+        """Vector (K, 2) from the soles to the points (T, 2) of the frames, m; zero inside."""
         near = [_nearest(one, points[frame]) for one, frame in zip(self.corners, self.frames, strict=True)]
         found: Array = points[self.frames] - near
         return found
@@ -191,12 +197,8 @@ def _displaced(motion: Motion, displacement: Array) -> Motion:
         flexion = np.arccos(np.clip(square / (2.0 * thigh * shank), -1.0, 1.0))
         bent = from_axis_angle("Y", flexion)
         leg = offsets[knee] + rotate(bent, np.broadcast_to(offsets[ankle], way.shape))
-        femur = multiply(swing(_unit(rotate(turned[:, hip], leg)), _unit(way), np.pi), turned[:, hip])
+        femur = multiply(swing(unit(rotate(turned[:, hip], leg)), unit(way), np.pi), turned[:, hip])
         rotations[:, hip] = multiply(conjugate(turned[:, N["hip_center"]]), femur)
         rotations[:, knee] = bent
         rotations[:, ankle] = multiply(conjugate(multiply(femur, bent)), turned[:, ankle])
     return replace(motion, root=motion.root + moved, rotations=continuous(rotations))
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -31,11 +31,19 @@ class _Bout(Struct):
     strides: Number | None
 
 
+class _Climb(Struct, frozen=True):
+    stride_m: Number | None = None
+    angle_deg: Number | None = None
+    total_m: Number | None = None
+    certain: bool = False
+
+
 class _Reliability(Struct, frozen=True):
     pelvis: bool = True
     torso: bool = True
     feet: bool = False
     trunk_lean_deg: Number | None = None
+    pelvis_pitch_deg: Number | None = None
     planted_foot_pitch_deg: Number | None = None
 
 
@@ -78,6 +86,7 @@ class Gait(Struct):
     bouts: list[_Bout] = []
     stance_ratio: _PerSide = {}
     path: _Path | None = None
+    climb: _Climb | None = None
     period_s: Number | None = None
     cadence_steps_per_min: Number | None = None
     speed_m_s: Number | None = None
@@ -91,6 +100,7 @@ class Gait(Struct):
     symmetric: bool = False
     asymmetry_deg: Number | None = None
     noise_deg: Number | None = None
+    asymmetry_limit_deg: Number | None = None
     duration_s: Number | None = None
     turn_deg: Number | None = None
     scale: Number | None = None

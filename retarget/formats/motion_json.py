@@ -69,7 +69,11 @@ def motion_to_json(motion: Motion) -> str:
 
 def read_motion_json(path: Path) -> Motion:
     """Read a file of `motion_to_json`; a KinemimicError names the first fault."""
-    document = _CheckedDocument(path, read_json(path))
+    content = read_json(path)
+    if not isinstance(content, dict):
+        kind = "a list" if isinstance(content, list) else "a single value"
+        raise KinemimicError(f"{path}: expected a motion (an object in JSON), found {kind}; run `retarget`")
+    document = _CheckedDocument(path, content)
     document.expect("format", MOTION_FORMAT)
     advice = "run `retarget` with this version"
     document = _CheckedDocument(

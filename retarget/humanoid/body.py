@@ -85,6 +85,8 @@ BODY_INDEX: dict[str, int] = {name: index for index, name in enumerate(BODY_NAME
 BODY_PARENTS: tuple[int, ...] = tuple(BODY_INDEX.get(body.parent, -1) for body in BODIES)
 # Node that carries each body, (15,); the 14 joints are those of BODIES[1:], in this order.
 BODY_NODES: NDArray[np.intp] = np.array([NODE_INDEX[body.node] for body in BODIES])
+BODY_MASSES: Array = np.array([body.mass for body in BODIES])  # kg
+BODY_CENTERS: Array = np.array([body.center for body in BODIES])  # (15, 3) m, of mass, in the bodies' frames
 TOTAL_MASS: float = sum(body.mass for body in BODIES)
 
 

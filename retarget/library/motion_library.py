@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.quality.rules.defect import plural
+from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.humanoid.body import node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 

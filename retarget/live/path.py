@@ -1,8 +1,8 @@
-"""The way of the body over the ground, from its feet: the one that carries it does not slide.
+"""The path of the body over the ground, from its feet: the one that carries it does not slide.
 
 The hips move as recorded, less what the feet in support slide on average, as in `noncyclic.py`: on a
-treadmill or before a camera that turns, all of the way comes from the feet. The body is as high as its lowest
-part demands, and in the flight of a run as much higher as the person was.
+treadmill or before a camera that turns, all of the path comes from the feet. The body is as high as its
+lowest part demands, and in the flight of a run as much higher as the person was.
 """
 
 from __future__ import annotations

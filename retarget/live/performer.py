@@ -1,4 +1,4 @@
-"""A live capture as a reference that never ends: the person's pose and way, or standing while nobody is
+"""A live capture as a reference that never ends: the person's pose and path, or standing while nobody is
 there."""
 
 from __future__ import annotations
@@ -36,18 +36,21 @@ def standing() -> Array:
 class Performed:
     """A moment of the reference.
 
-    root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); taken_up: a
-    person was taken up in this moment.
+    root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); appeared: a
+    person appears at this frame.
     """
 
     root: Array
     rotations: Array
     presence: float
-    taken_up: bool
+    appeared: bool
 
 
 class Performer:
-    """Turns moments, or their absence, into the frames of a reference. people: how often one was taken up."""
+    """Turns moments, or their absence, into the frames of a reference.
+
+    people: number of times a person appeared.
+    """
 
     def __init__(self, rate: float) -> None:
         self.people = self.lost = 0
@@ -65,16 +68,16 @@ class Performer:
 
     def perform(self, moment: Moment | None) -> Performed:
         """The next frame of the reference."""
-        taken_up = False
+        appeared = False
         if moment is not None and moment.shows_person:
             if self._absent > PATIENCE:
-                taken_up = True
+                appeared = True
                 self.people += 1
                 self._new()
             window = self.pose.window(moment)
-            step = self._path.step(window, precise=self.pose.trust.precise)
+            step = self._path.step(window, precise=self.pose.reliability.precise)
             rotations = window.rotations[window.now].copy()
-            if taken_up:
+            if appeared:
                 self._yaw = _yaw_of(self._rotations[0]) - _yaw_of(rotations[0])
             turn = from_axis_angle("Z", self._yaw)
             rotations[0] = multiply(turn, rotations[0])
@@ -98,7 +101,7 @@ class Performer:
             rotations = mixed(still, self._rotations, share)
             height = _standing_height(rotations)
             height += share * (self._height - _standing_height(self._rotations))
-        return Performed(np.append(self._place, height), rotations, share, taken_up)
+        return Performed(np.append(self._place, height), rotations, share, appeared)
 
 
 def _yaw_of(q: Array) -> float:

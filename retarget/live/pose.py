@@ -30,7 +30,7 @@ from kinemimic.retarget.feet.legs import limit_knee_extension
 from kinemimic.retarget.feet.scale import STANCE_WIDTHS, abduct, body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH
 from kinemimic.retarget.live.ankles import with_neutral_ankles
-from kinemimic.retarget.live.trust import Trust
+from kinemimic.retarget.live.reliability import LiveReliability
 from kinemimic.retarget.strides.sensor_reliability import MAX_FOOT_PITCH, knees_in_sagittal_plane
 
 MIN_AMPLITUDE = 0.10  # m between the ankles, along the heading: a person who stands does not step
@@ -59,10 +59,10 @@ class PoseWindow:
 
 
 class LivePose:
-    """Retargets moments of one capture; it keeps what only time shows: trust, lean, width of stance."""
+    """Retargets moments of one capture; it keeps what only time shows: reliability, lean, width of stance."""
 
     def __init__(self, rate: float) -> None:
-        self.trust = Trust(rate)
+        self.reliability = LiveReliability(rate)
         self._rate = rate
         self._lean = 0.0
         self._pitch = np.zeros(2)
@@ -74,7 +74,7 @@ class LivePose:
     @property
     def scale(self) -> float:
         """The body's legs over the person's."""
-        thighs, shanks = self.trust.bones[[0, 2]], self.trust.bones[[1, 3]]
+        thighs, shanks = self.reliability.bones[[0, 2]], self.reliability.bones[[1, 3]]
         return float(LEG_LENGTH / np.nanmean(thighs + shanks))
 
     def window(self, moment: Moment) -> PoseWindow:
@@ -85,7 +85,7 @@ class LivePose:
         ahead = rotate(from_axis_angle("Z", -heading)[:, None], filled)
         apart = ahead[:, N["ankle_right"], 0] - ahead[:, N["ankle_left"], 0]
         walking = bool(np.sqrt(2.0) * np.std(apart) > MIN_AMPLITUDE)
-        self.trust.update(p, now, walking=walking)
+        self.reliability.update(p, now, walking=walking)
         self._average_lean(ahead)
         frames = self._frames(ahead)
         feet = self._feet_are_seen(ahead, filled, now)
@@ -97,7 +97,7 @@ class LivePose:
             for side in ("left", "right"):
                 frames[:, N[f"ankle_{side}"]] = frames[:, N[f"knee_{side}"]]
         rotations = self._without_missing(local_rotations(frames))
-        if not self.trust.precise:
+        if not self.reliability.precise:
             rotations = limit_knee_extension(rotations)
         rotations = abduct(rotations, self._abduction)
         rotations[:, 0] = multiply(from_axis_angle("Z", heading), rotations[:, 0])
@@ -134,16 +134,16 @@ class LivePose:
             self._lean += change if not self._begun else change / (LEAN_TIME * self._rate)
 
     def _frames(self, ahead: Array) -> Array:
-        """World frames (M, 20, 4) of the nodes, with X ahead; the trunk as far as it is trusted."""
+        """World frames (M, 20, 4) of the nodes, with X ahead; the trunk as far as it is reliable."""
         neutral = np.broadcast_to(from_axis_angle("Y", self._lean), (len(ahead), 4))
-        points = ahead if self.trust.precise else knees_in_sagittal_plane(ahead)
+        points = ahead if self.reliability.precise else knees_in_sagittal_plane(ahead)
         torso = torso_frames(points)
         # A depth sensor's short line from hip centre to spine is off by tens of degrees.
-        pelvis = pelvis_frames(points) if self.trust.precise else torso
+        pelvis = pelvis_frames(points) if self.reliability.precise else torso
         return node_frames(
             points,
-            pelvis=mixed(neutral, pelvis, self.trust.pelvis),
-            torso=mixed(neutral, torso, self.trust.torso),
+            pelvis=mixed(neutral, pelvis, self.reliability.pelvis),
+            torso=mixed(neutral, torso, self.reliability.torso),
         )
 
     def _feet_are_seen(self, ahead: Array, filled: Array, now: int) -> bool:
@@ -160,7 +160,7 @@ class LivePose:
             elif planted[now]:
                 self._pitch[k] += (float(pitch[now]) - self._pitch[k]) / (PITCH_TIME * self._rate)
         self._begun = True
-        return self.trust.precise and bool(np.abs(self._pitch).max() < MAX_FOOT_PITCH)
+        return self.reliability.precise and bool(np.abs(self._pitch).max() < MAX_FOOT_PITCH)
 
     def _without_missing(self, rotations: Array) -> Array:
         """Local rotations (M, 20, 4); those of unseen nodes are held as they were last seen."""

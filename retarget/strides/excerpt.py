@@ -50,7 +50,7 @@ def excerpt_of_bout(bout: Bout, *, straighten: bool) -> Excerpt:
     positions = bout.positions.copy()
     bones = np.nanmedian(leg_bones(positions), axis=0)
     middle = 0.5 * (positions[:, [N["hip_left"]]] + positions[:, [N["hip_right"]]])
-    bad = impossible_legs(positions - middle, bones, running=bout.running)
+    bad = impossible_legs(positions - middle, bones, running=bout.running, precise=bout.precise)
     for k, side in enumerate(("left", "right")):
         for joint in ("knee", "ankle", "foot"):
             positions[bad[:, k], N[f"{joint}_{side}"]] = np.nan

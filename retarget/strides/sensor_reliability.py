@@ -23,6 +23,9 @@ MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the r
 MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
 MAX_RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
 MAX_FOOT_PITCH = np.radians(20.0)  # of a foot in contact, from flat
+MAX_EXTENSION = np.radians(28.0)  # of a hip: the humanoid's limit of 30, with a margin
+MAX_PITCH_FROM_TRUNK = np.radians(15.0)
+THIGH_HARMONICS = 5
 FOOT_FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it is flat
 
 
@@ -33,7 +36,8 @@ class SensorReliability:
     precise: the legs are accurate to a centimetre: their bones keep their length and the pelvis repeats (a
         depth sensor's recording stored as angles has constant bones too)
     pelvis, torso, feet: measured (True) or neutral
-    lean: radians, median pitch of the trunk, given to a neutral pelvis and torso
+    lean: radians, median pitch of the trunk, given to a neutral torso
+    pitch: radians, of a neutral pelvis: the lean, and farther forward as far as the thighs' extension needs
     foot_pitch: (2,) radians, pitch of the left and right sole in contact, to be subtracted
     measured: the numbers behind the decisions
     """
@@ -45,6 +49,7 @@ class SensorReliability:
     lean: float
     foot_pitch: tuple[float, float]
     measured: dict[str, float]
+    pitch: float = 0.0
 
 
 def assess_reliability(strides: Strides) -> SensorReliability:
@@ -79,6 +84,8 @@ def assess_reliability(strides: Strides) -> SensorReliability:
         "trunk_lean_deg": float(np.degrees(lean)),
         "planted_foot_pitch_deg": float(np.degrees(np.mean(pitches))),
     }
+    pelvis_pitch = _pelvis_pitch(strides, lean)
+    measured["pelvis_pitch_deg"] = float(np.degrees(pelvis_pitch))
     precise = rigidity < MAX_BONE_SPREAD and steady["pelvis"]
     return SensorReliability(
         precise=precise,
@@ -88,15 +95,40 @@ def assess_reliability(strides: Strides) -> SensorReliability:
         lean=lean,
         foot_pitch=(pitches[0], pitches[1]),
         measured=measured,
+        pitch=pelvis_pitch,
     )
+
+
+def _pelvis_pitch(strides: Strides, lean: float) -> float:
+    """Pitch in radians of a neutral pelvis: the lean of the trunk, but such that both hips extend within
+    their range.
+
+    The trunk's line, from between the hips to between the shoulders, leans back where the sensor has the hips
+    in front of their place: a pelvis with that lean would extend the hips farther than people can.
+    """
+    at = np.arange(60) / 60.0
+    back = []
+    for side in ("left", "right"):
+        thigh = strides.positions[:, N[f"knee_{side}"]] - strides.positions[:, N[f"hip_{side}"]]
+        angle = np.arctan2(thigh[:, 0], -thigh[:, 2])
+        seen = np.isfinite(angle) & (strides.weights[:, N[f"knee_{side}"]] > 0)
+        if seen.sum() > 4 * THIGH_HARMONICS:
+            curve = fourier.fit(strides.phase[seen], angle[seen, None], THIGH_HARMONICS)
+            back.append(float(fourier.evaluate(curve, at).min()))
+    if not back:
+        return lean
+    return float(np.clip(-MAX_EXTENSION - min(back), lean, lean + MAX_PITCH_FROM_TRUNK))
 
 
 def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
     """World frames (M, 20, 4) of nodes at positions (M, 20, 3) along +X, neutral where unreliable."""
-    neutral = np.broadcast_to(from_axis_angle("Y", reliability.lean), (len(positions), 4))
+    pelvis, torso = (
+        np.broadcast_to(from_axis_angle("Y", angle), (len(positions), 4))
+        for angle in (reliability.pitch, reliability.lean)
+    )
     points = positions if reliability.precise else knees_in_sagittal_plane(positions)
     frames = node_frames(
-        points, pelvis=None if reliability.pelvis else neutral, torso=None if reliability.torso else neutral
+        points, pelvis=None if reliability.pelvis else pelvis, torso=None if reliability.torso else torso
     )
     for side, pitch in zip(("left", "right"), reliability.foot_pitch, strict=True):
         ankle, knee = N[f"ankle_{side}"], N[f"knee_{side}"]

@@ -28,7 +28,7 @@ from kinemimic.evaluate.policies.shipped import ShippedPolicies
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.controls import Choices
 from kinemimic.evaluate.simulate.inputs import Drag
-from kinemimic.evaluate.simulate.loop import Loop, Performed
+from kinemimic.evaluate.simulate.loop import Loop, Performance
 from kinemimic.evaluate.simulate.page import Page
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.train.config.config import TrainConfig
@@ -84,8 +84,8 @@ def serve(pipe: Connection, run: Path, seconds: float, core: int) -> None:
     session = watched(run)
     forces = session.watch()
     loop = Loop(
-        Performed(run, POLICY, POLICY), page, clock, engine=resolve("auto"), open_session=lambda _: session,
-        choose=lambda *_: Performed(run, POLICY, POLICY), recordings=run / "simulate",
+        Performance(run, POLICY, POLICY), page, clock, engine=resolve("auto"), open_session=lambda _: session,
+        choose=lambda *_: Performance(run, POLICY, POLICY), recordings=run / "simulate",
     )  # fmt: skip
     pipe.send(page.address)
     pipe.recv()  # the browser is there

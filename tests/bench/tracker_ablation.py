@@ -27,7 +27,7 @@ from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.retarget.library.variants import SUBJECT
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import tracker_config
-from kinemimic.train.tracker import clip_sampling
+from kinemimic.train.tracker import motion_sampling
 from kinemimic.train.tracker.command import train_tracker
 
 FULL, RECORDED, UNIFORM = "all parts", "no random variants of the motions", "motions drawn uniformly"
@@ -66,13 +66,13 @@ def recorded_only(source: Path, folder: Path) -> Path:
 @contextmanager
 def sampling(variant: str) -> Iterator[None]:
     """Draw motions uniformly in that variant, by their failures in all others."""
-    floor = clip_sampling.FLOOR
+    floor = motion_sampling.FLOOR
     if variant == UNIFORM:
-        clip_sampling.FLOOR = 1.0
+        motion_sampling.FLOOR = 1.0
     try:
         yield
     finally:
-        clip_sampling.FLOOR = floor
+        motion_sampling.FLOOR = floor
 
 
 def measured(source: Path, out: Path, samples: int, seeds: int) -> list[dict[str, Any]]:

@@ -203,3 +203,17 @@ def test_labels_stay_on_the_clock_from_the_file_to_the_quaternions(tmp_path: Pat
     shown = StringIO()
     Console(file=shown, width=200).print(file_view(report))
     assert "walk 6.67 to 8.00 s, sitDown 8.33 to 8.67 s" in shown.getvalue()
+
+
+def test_a_pose_that_is_held_throughout_is_a_person_who_stands(tmp_path: Path, bvh: Text) -> None:
+    (tmp_path / "a.bvh").write_text(bvh(motion=np.tile(np.linspace(1.0, 9.0, 37), (40, 1))))
+    clip = ingest(tmp_path / "a.bvh", tmp_path / "run")
+    assert (clip.passes == 0).all() and len(clip.times) == 40
+
+
+def test_a_low_frame_rate_is_noted(tmp_path: Path, bvh: Text) -> None:
+    for name, frame_time, notes in (("slow", "0.1", 1), ("usual", "0.0333333", 0)):
+        (tmp_path / f"{name}.bvh").write_text(bvh(frame_time=frame_time))
+        ingest(tmp_path / f"{name}.bvh", tmp_path / name)
+        found = json.loads((tmp_path / name / "quality.json").read_text())["notes"]
+        assert sum("10.0 Hz" in note for note in found) == notes

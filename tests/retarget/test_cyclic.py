@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples.bouts import bouts_of
+from samples.walker import stand_walk_stand
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -41,6 +42,16 @@ def test_clean_walker_comes_back(walker):
     assert max(rmse_deg(fit, w.curves).values()) < 1.0
     assert fit.reliability.precise and fit.reliability.pelvis and fit.reliability.feet
     assert fit.scale == pytest.approx(1 / w.size, rel=1e-3)
+
+
+def test_standing_before_and_after_a_walk_does_not_enter_the_loop(walker):
+    """The loop is that of the walk alone, and nothing of the standing is pooled."""
+    alone, stands = loop_of(walker(seconds=5.5).clip), loop_of(stand_walk_stand())
+    shown = [joint_angles(one.motion.rotations) for one in (alone, stands)]
+    for name in ("knee_left", "knee_right"):
+        assert np.degrees(np.sqrt(np.mean((shown[0][name] - shown[1][name]) ** 2))) < 1.5
+        assert np.degrees(np.abs(shown[0][name] - shown[1][name]).max()) < 4.0
+    assert stands.motion.duration == pytest.approx(1.1, rel=5e-3)
 
 
 def test_feet_in_contact_do_not_slide_and_the_ground_is_zero(walker):
@@ -164,3 +175,13 @@ def test_less_than_a_stride_is_completed_by_the_mirror_or_refused(walker):
     assert fit_cyclic(clip, [one]).symmetric
     with pytest.raises(KinemimicError, match="whole stride"):
         fit_cyclic(clip, [one], False)
+
+
+@pytest.mark.parametrize(("limp", "averaged"), [(0.0, True), (24.0, False)])
+def test_noise_averages_the_sides_away_only_where_it_explains_their_difference(walker, limp, averaged):
+    """The difference stays below the noise of single frames, but it returns in every stride."""
+    fit = loop_of(walker(limp=limp, noise=0.02, rate=60.0, seconds=13.2).clip)
+    assert not fit.reliability.precise
+    assert fit.asymmetry_deg < 2.0 * fit.noise_deg
+    assert fit.symmetric == averaged
+    assert (fit.asymmetry_deg < fit.asymmetry_limit_deg) == averaged

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
-from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, from_rotvec, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.retarget.humanoid.body import node_offsets
@@ -166,6 +166,38 @@ def standing(clip: Clip, seconds: float, frame: int = 0) -> Clip:
         positions=held,
         states=np.full(held.shape[:2], 2, dtype=np.uint8),
         passes=np.zeros(frames, dtype=np.int32),
+    )
+
+
+def stand_walk_stand(
+    strides: float = 5.0, seconds: float = 3.0, rate: float = 60.0, period: float = 1.1, blend: float = 0.4
+) -> Clip:
+    """A walker who stands upright before and after a walk, without any movement while standing.
+
+    seconds: of either standing; blend: seconds in which standing becomes walking, and walking standing.
+    """
+    t = np.arange(round((2.0 * seconds + strides * period) * rate)) / rate
+    walked = np.clip(t - seconds, 0.0, strides * period)
+    ease = np.hanning(round(blend * rate) + 2)
+    share = np.convolve((np.diff(walked, append=walked[-1]) > 0).astype(float), ease / ease.sum(), "same")
+    share[(t < seconds - blend) | (t > seconds + strides * period + blend)] = 0.0
+    rotations = from_rotvec(to_rotvec(_rotations(walked / period, 0.0)) * share[:, None, None])
+    skeleton = node_skeleton(1.1 * node_offsets())
+    places = np.broadcast_to(skeleton.offsets, (len(t), 20, 3)).copy()
+    places[:, 0] = np.stack([1.3 * np.cumsum(share) / rate, 0.0 * t, np.full(len(t), 1.05)], axis=-1)
+    p, _ = forward_kinematics(skeleton, places, rotations)
+    still = (
+        slice(None, int(np.flatnonzero(share > 0)[0])),
+        slice(int(np.flatnonzero(share > 0)[-1]) + 1, None),
+    )
+    for stand in still:
+        p[stand] = p[stand][0]
+    return Clip(
+        skeleton=node_skeleton(),
+        times=t,
+        positions=p,
+        states=np.full(p.shape[:2], 2, dtype=np.uint8),
+        passes=np.zeros(len(t), dtype=np.int32),
     )
 
 

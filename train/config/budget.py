@@ -6,6 +6,8 @@ from decimal import Decimal
 
 import click
 
+from kinemimic.pipeline.cli.finite_range import FiniteRange
+
 _MOST = Decimal(10) ** 15
 _SUFFIXES = {"k": Decimal(10) ** 3, "m": Decimal(10) ** 6, "g": Decimal(10) ** 9}
 
@@ -35,4 +37,4 @@ def short(count: int) -> str:
     return str(rounded)
 
 
-MINUTES = click.FloatRange(min=0.0, min_open=True)
+MINUTES = FiniteRange(min=0.0, min_open=True)

@@ -1,4 +1,4 @@
-"""Settings of trainings that start from a tracker and go on with one motion.
+"""Settings of trainings that start from a tracker and continue on one motion.
 
 The task stays that of the tracker, since the network knows no other.
 """

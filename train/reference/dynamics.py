@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_PARENTS, Body
-from kinemimic.train.sim.world import FRICTION, GRAVITY, BodyStates
+from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_MASSES, BODY_PARENTS, Body
+from kinemimic.train.sim.world import FRICTION, BodyStates
 
 # The higher a point is above the ground, and the faster it moves, the less it carries.
 HEIGHT = 0.015  # m
@@ -42,9 +43,7 @@ def _points(body: Body) -> Array:
 _POINTS = [(index, _points(body)) for index, body in enumerate(BODIES)]
 _OWNER = np.concatenate([np.full(len(points), index) for index, points in _POINTS])
 _PLACES = np.concatenate([points for _, points in _POINTS])
-_MASSES = np.array([body.mass for body in BODIES])
 _INERTIAS = np.array([body.inertia for body in BODIES])
-_CENTERS = np.array([body.center for body in BODIES])
 
 
 @dataclass(frozen=True)
@@ -64,9 +63,9 @@ def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array
     frames = len(bodies.positions)
     spin = rotate(conjugate(bodies.rotations), bodies.angular)
     turn = rotate(conjugate(bodies.rotations), angular_rate)
-    forces = _MASSES[:, None] * (linear_rate + np.array([0.0, 0.0, GRAVITY]))
+    forces = BODY_MASSES[:, None] * (linear_rate + np.array([0.0, 0.0, GRAVITY]))
     moments = rotate(bodies.rotations, _INERTIAS * turn + np.cross(spin, _INERTIAS * spin))
-    joints = bodies.positions - rotate(bodies.rotations, np.broadcast_to(_CENTERS, (frames, 15, 3)))
+    joints = bodies.positions - rotate(bodies.rotations, np.broadcast_to(BODY_CENTERS, (frames, 15, 3)))
 
     arms = rotate(bodies.rotations[:, _OWNER], np.broadcast_to(_PLACES[:, :3], (frames, len(_OWNER), 3)))
     places = bodies.positions[:, _OWNER] + arms

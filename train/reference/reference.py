@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
-from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES
+from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_NODES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.dynamics import InverseDynamics, inverse_dynamics
 from kinemimic.train.sim.world import BodyStates, Poses
@@ -40,12 +40,13 @@ class Reference:
         phase = np.linspace(0.0, 1.0, rows)
         root, rotations = _resample(motion, phase)
         step = self.duration / (rows - 1)
-        centers = np.array([body.center for body in BODIES])
         translations = np.broadcast_to(motion.offsets, (rows, *motion.offsets.shape)).copy()
         translations[:, 0] = root
         nodes, world = forward_kinematics(node_skeleton(motion.offsets), translations, rotations)
         rotation = world[:, BODY_NODES]
-        position = nodes[:, BODY_NODES] + rotate(rotation, np.broadcast_to(centers, (rows, *centers.shape)))
+        position = nodes[:, BODY_NODES] + rotate(
+            rotation, np.broadcast_to(BODY_CENTERS, (rows, *BODY_CENTERS.shape))
+        )
         joints = rotations[:, BODY_NODES[1:]]
         # Values that are read together are stored together: one row is one look-up.
         self._tables = {"root": root, "nodes": rotations}

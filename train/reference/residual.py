@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.retarget.humanoid.body import TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.reference.reference_library import LIBRARY_TABLE_RATE
-from kinemimic.train.sim.world import GRAVITY
 
 RATE = 60.0  # Hz at which the motion is sampled
 

@@ -233,8 +233,10 @@ def _read_tensors(path: Path) -> dict[str, Floats]:
     except FileNotFoundError:
         raise KinemimicError(f"{path}: expected a policy (safetensors), found no file; {_ADVICE}") from None
     # safetensors raises any of these for number types that numpy lacks.
-    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}; {_ADVICE}") from None
+    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError):
+        raise KinemimicError(
+            f"{path}: expected a policy (safetensors), found a file that is cut off or damaged; {_ADVICE}"
+        ) from None
     for name, tensor in tensors.items():
         if tensor.dtype != np.float32 or tensor.ndim not in (1, 2):
             found = f"{tensor.dtype} of {tensor.ndim} dimensions"

@@ -123,7 +123,7 @@ class Trajectory:
             if array.shape != shape or array.dtype.kind not in kinds:
                 return f"{name} of shape {array.shape} and type {array.dtype}"
             if kinds == "f" and not np.isfinite(array).all():
-                return f"{name} that are not finite"
+                return f"numbers in {name} that are not finite"
         if self.fallen_at.min() < 0 or not (np.diff(self.phases) > 0).all():
             return "falls before the start, or phases that do not increase"
         return None

@@ -85,12 +85,15 @@ class _Error:
     look: str
 
 
-def judge(outcome: Outcome, training: Training) -> Verdict:
-    """The verdict on the rollouts of a policy."""
+def judge(outcome: Outcome, training: Training, where: str = "") -> Verdict:
+    """The verdict on the rollouts of a policy.
+
+    where: " --run DIR" for the commands of the advice, or "" where they take the folder by default.
+    """
     errors = list(_errors(outcome))
     level = _level(outcome, errors)
     return Verdict(
-        level, _headline(outcome, level, errors), " ".join(_advice(outcome, training, level, errors))
+        level, _headline(outcome, level, errors), " ".join(_advice(outcome, training, level, errors, where))
     )
 
 
@@ -156,7 +159,9 @@ def _with_errors(text: str, errors: list[_Error]) -> str:
     return text if not errors else f"{text}, but {' and '.join(error.what for error in errors)}"
 
 
-def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Error]) -> Iterator[str]:
+def _advice(
+    outcome: Outcome, training: Training, level: Level, errors: list[_Error], where: str
+) -> Iterator[str]:
     if training.unfinished:
         yield f"{_sentence(training.unfinished)} The same `kinemimic train` resumes it."
     if looks := list(dict.fromkeys(error.look for error in errors)):
@@ -166,23 +171,27 @@ def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Er
         yield f"The motion itself has {'a flaw' if len(outcome.findings) == 1 else 'flaws'}: {flaws}."
     if level == "good":
         if training.finished:
-            yield "Watch it: `kinemimic view`. Measure how hard a push it survives: `kinemimic pushes`."
+            yield (
+                f"Watch it: `kinemimic view{where}`. Measure how hard a push it survives: "
+                f"`kinemimic pushes{where}`."
+            )
         return
     if not training.finished:
         return
     if training.preset == TRACKER:
-        yield "Train it further on this motion: `kinemimic train --from tracker`."
+        yield f"Train it further on this motion: `kinemimic train{where} --from tracker`."
         return
     if training.samples >= MANY_SAMPLES:
         yield (
-            f"After {training.samples:,} samples, look at the reference in `kinemimic view` before training "
-            "longer, and consider another part of the capture (`kinemimic retarget --segment`)."
+            f"After {training.samples:,} samples, look at the reference in `kinemimic view{where}` before "
+            "training longer, and consider another part of the capture "
+            f"(`kinemimic retarget{where} --segment`)."
         )
         return
-    options = "" if training.preset in ("", "default") else f" --preset {training.preset}"
+    options = where if training.preset in ("", "default") else f"{where} --preset {training.preset}"
     budget = PRESETS.get(training.preset, PRESETS["default"]).budget
     if training.preset in TRAIN_OPTIONS:
-        options, budget = f" {TRAIN_OPTIONS[training.preset]}", BUDGETS[training.preset]
+        options, budget = f"{where} {TRAIN_OPTIONS[training.preset]}", BUDGETS[training.preset]
     options += f" --seed {training.seed}" if training.seed else ""
     # Twice as many; a few seconds of training twice over would still be none.
     more = short(max(2 * training.samples, budget))

@@ -25,6 +25,8 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.runner.base import Algorithm
 
+CHECKPOINT = "checkpoint.safetensors"
+CURVES = "tensorboard"  # the folder of the events beside it
 CHECKPOINT_SCHEMA = 7
 _ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
 _MEMORY = "memory."  # a baseline's replay buffer, among the algorithm's arrays

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.cli.progress_state import minutes
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.run_folder.capture import run_flag
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import START_PHASES, Evaluation
@@ -14,10 +16,12 @@ from kinemimic.train.rollout.policy import POLICY, training_summary
 from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 
 
-def training_verdict(record: Mapping[str, Any], gait: Mapping[str, Any] | None = None) -> Verdict:
+def training_verdict(
+    record: Mapping[str, Any], gait: Mapping[str, Any] | None = None, where: str = ""
+) -> Verdict:
     """The verdict on the best evaluation of a training, from the content of policy.json and gait.json.
 
-    An evaluation measures no path, and has fewer phases than `evaluate`.
+    An evaluation measures no path, and has fewer phases than `evaluate`. where: as of `judge`.
     """
     kept, gait = Evaluation(**record["best"]), gait or {}
     phases = kept.episodes or 1
@@ -34,16 +38,18 @@ def training_verdict(record: Mapping[str, Any], gait: Mapping[str, Any] | None =
             findings=tuple(finding["message"] for finding in gait.get("gate", ())),
         ),
         Training.of(training_summary(record)),
+        where,
     )
 
 
 def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
     """The lines at the end of a training in a run folder; record: content of policy.json."""
     gait = read_gait_json(path) if (path := run / "gait.json").exists() else None
-    found, kept = training_verdict(record, gait), Evaluation(**record["best"])
+    where = run_flag(run)
+    found, kept = training_verdict(record, gait, where), Evaluation(**record["best"])
     yield found.headline
     yield (
-        f"best of {len(record['evaluations'])} evaluations, after {kept.samples:,} samples: "
+        f"best of {plural(len(record['evaluations']), 'evaluation')}, after {kept.samples:,} samples: "
         f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
         + (
             ""
@@ -52,7 +58,8 @@ def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
         )
     )
     if found.level == "good":
-        yield f"`kinemimic evaluate` scores it from {'other phases' if START_PHASES > 1 else 'the start'}."
+        others = "other phases" if START_PHASES > 1 else "the start"
+        yield f"`kinemimic evaluate{where}` scores it from {others}."
     else:
         yield found.advice
     if record["exploded"]:

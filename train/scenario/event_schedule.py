@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import multiply, rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_MASSES
 from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.scenario.overlap import obstacles_overlap, overlapping_body
 from kinemimic.train.scenario.scenario import Placement, Scenario
-from kinemimic.train.sim.world import CONTROL_RATE, GRAVITY, BodyStates, Obstacle
+from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
 
 # Redraws of an obstacle that overlaps the humanoid or another obstacle.
 _DRAWS = 50
 _LOOKS = 100  # trials that `check` draws before a training
-_MASSES = np.array([body.mass for body in BODIES])
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class EventSchedule:
         if not (acts.any() or self.tilt.any()):
             return None
         total = np.zeros((len(BODIES), 6))
-        total[:, :3] = mass * _MASSES[:, None] * self.tilt
+        total[:, :3] = mass * BODY_MASSES[:, None] * self.tilt
         # A growing load has its mean over the step.
         shares = np.where(self.growing, (age + 0.5 - self.begins) / (self.ends - self.begins), 1.0)
         np.add.at(total, self.bodies[acts], shares[acts, None] * self.wrenches[acts])

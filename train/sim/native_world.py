@@ -11,13 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.formats.urdf import SMALL_INERTIA, SMALL_MASS
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_PARENTS, Body, node_offsets
+from kinemimic.retarget.humanoid.body import (
+    BODIES,
+    BODY_CENTERS,
+    BODY_INDEX,
+    BODY_MASSES,
+    BODY_PARENTS,
+    Body,
+    node_offsets,
+)
 from kinemimic.train.sim.world import (
     CONTACT_ERP,
     FRICTION,
-    GRAVITY,
     MAX_PARTS,
     MAX_SPEED,
     MAX_TURN,
@@ -68,7 +76,7 @@ def _control_inertia(body: Body) -> tuple[float, float, float]:
 def description() -> dict[str, Any]:
     """The body of `retarget/humanoid/body.py` as the arguments of `kinemimic_native.Batch`."""
     offsets = node_offsets()
-    masses = np.array([body.mass for body in BODIES])
+    masses = BODY_MASSES.copy()
     inertias = np.array([body.inertia for body in BODIES])
     # pybullet's humanoid has a base inside its pelvis.
     masses[0] += SMALL_MASS
@@ -80,7 +88,7 @@ def description() -> dict[str, Any]:
         "masses": masses,
         "inertias": inertias,
         "control_inertias": np.array([_control_inertia(body) for body in BODIES]),
-        "centers": np.array([body.center for body in BODIES], dtype=np.float64),
+        "centers": BODY_CENTERS,
         "joints": np.array([offsets[NODE_INDEX[body.node]] for body in BODIES]),
         "stiffness": np.array([body.stiffness for body in BODIES]),
         "damping": np.array([body.damping for body in BODIES]),

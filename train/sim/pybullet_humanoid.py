@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.sim.pybullet_client import bullet
-from kinemimic.train.sim.world import CONTACT_ERP, GRAVITY, SOLVER_ITERATIONS, SPEED_LIMIT, TIME_STEP
+from kinemimic.train.sim.world import CONTACT_ERP, SOLVER_ITERATIONS, SPEED_LIMIT, TIME_STEP
 
 LINKS = list(range(len(BODIES)))  # link k is BODIES[k]
 JOINT_LINKS = LINKS[1:]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.formats.urdf import humanoid_urdf
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_INDEX
 from kinemimic.train.sim.pybullet_client import (
     FROM_BULLET,
     QUAT_FROM_BULLET,
@@ -45,7 +45,6 @@ from kinemimic.train.sim.world import (
 )
 
 _FEET = (BODY_INDEX["foot_left"], BODY_INDEX["foot_right"])
-_CENTERS = np.array([body.center for body in BODIES[1:]])
 
 
 def _disconnect(clients: list[int]) -> None:
@@ -192,7 +191,7 @@ class BulletWorld:
         """
         states = bullet.getJointStatesMultiDof(self._humanoid, JOINT_LINKS, physicsClientId=client)
         wrench = np.array([state[2] for state in states])[:, [*FROM_BULLET, *(3 + k for k in FROM_BULLET)]]
-        torque = wrench[:, 3:] + np.cross(_CENTERS, wrench[:, :3])
+        torque = wrench[:, 3:] + np.cross(BODY_CENTERS[1:], wrench[:, :3])
         return np.asarray(np.abs(torque).max(axis=-1))
 
     def _read(self) -> None:

@@ -17,7 +17,6 @@ from kinemimic.retarget.humanoid.body import BODY_PARENTS
 CONTROL_RATE = 30  # Hz: the policy's
 SUBSTEPS = 8  # physics steps in a control step: 240 Hz
 TIME_STEP = 1.0 / (CONTROL_RATE * SUBSTEPS)
-GRAVITY = 9.81
 FRICTION = 0.9
 SOLVER_ITERATIONS = 10
 CONTACT_ERP = 0.08  # share of a penetration that one step corrects: pybullet's own

@@ -30,7 +30,7 @@ from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.runner import checkpoint
-from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.sim.engines import resolve
@@ -38,8 +38,6 @@ from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.runner import TrackerAlgorithm, TrackerRunner, TrackerWorkers
 
-CHECKPOINT = "checkpoint.safetensors"
-CURVES = "tensorboard"
 TABLES = "references"
 EVALUATED = 64  # motions of the training part
 
@@ -174,7 +172,7 @@ def command(
 ) -> None:
     """Train one policy for any motion on the training part of LIBRARY (see `kinemimic library`).
 
-    Takes hours; Ctrl-C saves, and the same command goes on.
+    Takes hours; Ctrl-C saves, and the same command resumes.
 
     \b
       kinemimic library recordings/ --out runs/library --test 07 --variants 6000

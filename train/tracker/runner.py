@@ -24,7 +24,7 @@ from kinemimic.train.rollout.sampler_pool import OpenPool
 from kinemimic.train.rollout.sampler_processes import SamplerProcesses
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.task.timer import Timer
-from kinemimic.train.tracker.clip_sampling import ClipStatistics, Outcome
+from kinemimic.train.tracker.motion_sampling import MotionStatistics, Outcome
 from kinemimic.train.tracker.sampler import TrackerSampler
 
 EVALUATION_INTERVAL = 1_048_576  # samples
@@ -36,7 +36,7 @@ class TrackerAlgorithm(PpoAlgorithm):
 
     def __init__(self, config: TrainConfig, motions: int) -> None:
         super().__init__(config)
-        self.statistics = ClipStatistics(motions, config.env.steps)
+        self.statistics = MotionStatistics(motions, config.env.steps)
 
     def tensors(self) -> dict[str, Tensor]:
         """All arrays of the state, for a checkpoint."""

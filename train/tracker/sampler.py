@@ -14,7 +14,7 @@ from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvSampler, EnvStates
-from kinemimic.train.tracker.clip_sampling import Outcome
+from kinemimic.train.tracker.motion_sampling import Outcome
 from kinemimic.train.tracker.performance import perform
 
 _MOTIONS, _PACE = "motions", "pace"

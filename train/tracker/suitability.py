@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from kinemimic.pipeline.kinematics.rotations import rotate
@@ -14,11 +17,21 @@ LOW = 0.15
 LOWEST_HIP = 0.55  # of its height in standing
 LARGEST_LEAN = np.radians(60.0)  # of the pelvis
 CLIMB = 0.25  # m, of the hip between start and end
+# Radians of a path, with a climb of so many metres in the capture. People walk up a ramp almost as on level
+# ground; paths steeper than one in eight, the steepest ramps that are built for walking, are stairs.
+STEEP = np.arctan(1.0 / 8.0)
 _PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in ("left", "right")), "head"]
 
 
-def unsuitable(motion: Motion) -> str | None:
-    """What shows that a motion is no gait on level ground, all that trackers know; None if nothing does."""
+def unsuitable(motion: Motion, report: Mapping[str, Any] | None = None) -> str | None:
+    """What shows that a motion is no gait on level ground, all that trackers know; None if nothing does.
+
+    report: its gait.json, if there is one, which knows whether a loop's capture climbed.
+    """
+    if found := (report or {}).get("climb"):
+        angle, rise = found.get("angle_deg") or 0.0, found.get("total_m") or 0.0
+        if found.get("certain") and abs(rise) > CLIMB and abs(angle) > np.degrees(STEEP):
+            return f"a walk that climbs or sinks by {abs(rise):.2f} m in the capture, at {abs(angle):.0f}°"
     positions, frames = motion.kinematics()
     for part in _PARTS:
         height = positions[:, NODE_INDEX[part], 2]

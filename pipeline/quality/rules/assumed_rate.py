@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.body_points import between, length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.wrong_rate import HUMAN_STRIDE, RUNNING_KNEES, repeats_after, usual_bend
 
-GRAVITY = 9.81
 # Steps per second times sqrt(leg / g). Adults walk at 0.45 (90 steps per minute) to 0.75 (150) and run at up
 # to 1.1; children take quicker steps on shorter legs, with the same numbers.
 MAX_WALKING_CADENCE, MAX_RUNNING_CADENCE = 0.75, 1.1

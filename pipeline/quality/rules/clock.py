@@ -10,7 +10,8 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # A time step is even if it is within this share of a whole multiple of the usual step, plus the rounding
 # (seconds) of recorders that write milliseconds.

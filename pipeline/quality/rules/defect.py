@@ -67,8 +67,3 @@ def sorted_defects(defects: Iterable[Defect]) -> tuple[Defect, ...]:
     """The defects in the order of RULES."""
     rank = {rule: index for index, rule in enumerate(RULES)}
     return tuple(sorted(defects, key=lambda defect: rank[defect.rule]))
-
-
-def plural(count: int, noun: str) -> str:
-    """The count with its regular noun: "1 frame", "2 frames"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,7 +1,8 @@
 """Detects frames that repeat the previous pose bit for bit, and drops them.
 
-They come from a recorder that polls faster than the sensor updates. Sensor noise never gives the same pose
-twice; repeats of a body that stands still in a file of rounded numbers are kept.
+They come from a recorder that polls faster than the sensor updates, or from a sensor that froze: then the
+frames stay, without positions. Sensor noise never gives the same pose twice; repeats of a body that stands
+still in a file of rounded numbers are kept.
 """
 
 from __future__ import annotations
@@ -11,22 +12,34 @@ import numpy as np
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
-from kinemimic.pipeline.quality.rules.frame_selection import select_frames
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.frame_selection import empty_frames, select_frames
+from kinemimic.pipeline.quality.rules.repeated_poses import (
+    CLOCK_GAP,
+    MAX_ABSENCE,
+    MAX_STILL_STEP,
+    LongRepeats,
+    body_steps,
+    long_repeats,
+    repeated_frames,
+    steps_around,
+)
 
-# Metres, mean over the joints: the body stands still if its steps before and after a repeat are shorter.
-MAX_STILL_STEP = 0.002
+_SHOWN_TIMES = 5  # at most, in a text
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip without the repeats inside its passes; long repeats (no subject) lie outside and stay."""
+    """The clip without the repeats inside its passes; long repeats are left to `mark_frozen`.
+
+    Euler channels cannot be missing: their frozen frames are dropped as well.
+    """
     if len(clip.times) < 2:
         return clip, []
-    places = clip.positions.reshape(len(clip.times), -1)
-    # NaN never equals itself: the same joints may be missing in both frames.
-    same = ((places[1:] == places[:-1]) | (np.isnan(places[1:]) & np.isnan(places[:-1]))).all(axis=1)
-    within = (clip.passes[1:] == clip.passes[:-1]) & (clip.passes[1:] >= 0)
-    repeated = _while_moving(clip, np.concatenate([[False], same & within]))
+    within = np.concatenate([[False], (clip.passes[1:] == clip.passes[:-1]) & (clip.passes[1:] >= 0)])
+    long = long_repeats(clip)
+    kept = long.stands | long.nobody | (long.frozen & (clip.euler is None))
+    repeated = _while_moving(clip, repeated_frames(clip) & within & ~kept)
     count = int(repeated.sum())
     if not count:
         return clip, []
@@ -39,14 +52,35 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     ]
 
 
+def mark_frozen(clip: Clip, repeats: LongRepeats) -> tuple[Clip, list[Defect]]:
+    """The clip with missing positions where the sensor froze.
+
+    repeats: of the clip, whose passes are numbered.
+    """
+    found = []
+    if (frozen := repeats.frozen & (clip.passes >= 0)).any():
+        count, places = int(frozen.sum()), list(runs(frozen))
+        text = (
+            f"{plural(count, 'frame')} in {plural(len(places), 'place')} repeat the pose before for "
+            f"{MAX_ABSENCE} to {CLOCK_GAP} s while the body moves, {_at(clip, frozen)}: the sensor froze; "
+            "removed"
+        )
+        clip = empty_frames(clip, frozen)
+        found.append(Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(frozen)))
+    return clip, found
+
+
+def _at(clip: Clip, frames: Mask) -> str:
+    """The times at which runs of frames begin: "at 1.23, 2.34 s"."""
+    times = [f"{clip.times[run.start]:.2f}" for run in runs(frames)]
+    more = ", …" if len(times) > _SHOWN_TIMES else ""
+    return f"at {', '.join(times[:_SHOWN_TIMES])}{more} s"
+
+
 def _while_moving(clip: Clip, repeated: Mask) -> Mask:
     """The repeats (T,) of a moving body."""
-    step = np.linalg.norm(np.diff(clip.positions, axis=0), axis=-1)
-    finite = np.isfinite(step)
-    mean = np.where(finite, step, 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
+    steps = body_steps(clip)
     moving = np.zeros_like(repeated)
     for run in runs(repeated):
-        # The steps into the repeated pose, and out of its last repeat.
-        around = mean[max(run.start - 2, 0) : max(run.start - 1, 0)], mean[run.stop - 1 : run.stop]
-        moving[run] = max(map(float, np.concatenate(around)), default=np.inf) > MAX_STILL_STEP
+        moving[run] = max(steps_around(steps, run), default=np.inf) > MAX_STILL_STEP
     return moving

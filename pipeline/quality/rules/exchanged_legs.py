@@ -25,7 +25,8 @@ from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.bouts import is_precise
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
 from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 
 # Of the ankles' distance, in its amplitude (1.41 times its rms): what counts as feet apart, and as feet that

@@ -1,4 +1,4 @@
-"""Select frames of a clip, and renumber the frames in defects accordingly."""
+"""Select or empty frames of a clip, and renumber the frames in defects accordingly."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 
@@ -26,6 +27,16 @@ def select_frames(clip: Clip, frames: Mask | NDArray[np.intp]) -> Clip:
         rotations=None if clip.rotations is None else clip.rotations[frames],
         angles=None if clip.angles is None else {name: curve[frames] for name, curve in clip.angles.items()},
     )
+
+
+def empty_frames(clip: Clip, frames: Mask) -> Clip:
+    """The clip with every joint missing in the frames of a mask (T,); not for captures of Euler channels."""
+    positions, states, rotations = clip.positions.copy(), clip.states.copy(), clip.rotations
+    positions[frames], states[frames] = np.nan, MISSING
+    if rotations is not None:
+        rotations = rotations.copy()
+        rotations[frames] = np.nan
+    return replace(clip, positions=positions, states=states, rotations=rotations)
 
 
 def renumber_defects(defects: Sequence[Defect], mask: Mask) -> list[Defect]:

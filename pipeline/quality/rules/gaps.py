@@ -11,7 +11,8 @@ from kinemimic.pipeline.filters.fill import LONGEST_GAP
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 
 def detect(clip: Clip) -> list[Defect]:

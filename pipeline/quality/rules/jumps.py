@@ -1,5 +1,7 @@
 """Detects joints that leave their path for a single frame, and marks them missing so that they are filled.
 
+The whole body may also leave its place for some frames (`displaced_body`).
+
 Euler captures are only flagged.
 """
 
@@ -9,11 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.frame_selection import empty_frames
+from kinemimic.pipeline.quality.rules.repeated_poses import MAX_ABSENCE
 
 # The joint is off the line between its two neighbouring frames by more than a Kinect's noise (metres) …
 MIN_DEVIATION = 0.10
@@ -63,6 +68,23 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     return replace(clip, positions=positions, states=states, rotations=rotations), [
         Defect("jumps", count, "joint positions", "repaired", text, frames)
     ]
+
+
+def repair_body(clip: Clip, displaced: Mask) -> tuple[Clip, list[Defect]]:
+    """The clip without the positions of frames in its passes in which the whole body is displaced."""
+    displaced = displaced & (clip.passes >= 0)
+    count = int(displaced.sum())
+    if not count:
+        return clip, []
+    text = (
+        f"the whole body is in another place in {plural(count, 'frame')}, and back within {MAX_ABSENCE} s; "
+    )
+    frames = frame_runs(displaced)
+    if clip.euler is not None:
+        text += "left as recorded: Euler channels cannot be filled"
+        return clip, [Defect("jumps", count, "frames", "flagged", text, frames)]
+    text += "removed, to be filled"
+    return empty_frames(clip, displaced), [Defect("jumps", count, "frames", "repaired", text, frames)]
 
 
 def _off_line(clip: Clip, before: int, after: int) -> Array:

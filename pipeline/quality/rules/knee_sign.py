@@ -13,7 +13,8 @@ from kinemimic.pipeline.kinematics.body_points import between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.kinematics.spans import frame_runs, pass_spans
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 
 def detect(clip: Clip) -> list[Defect]:
@@ -27,7 +28,7 @@ def detect(clip: Clip) -> list[Defect]:
         raw = knee_flexion(hip, knee, ankle, across)
         for span in pass_spans(clip.passes):
             steady = steady_leg(across[span], (knee - hip)[span], (ankle - knee)[span])
-            angle = anatomical_knee(raw[span], steady=steady)
+            angle = anatomical_knee(raw[span], clip.times[span], steady=steady)
             flipped[span, k] = (raw[span] < -HYPEREXTENSION) & (angle > 0.0)
             kept[span, k] = angle < -HYPEREXTENSION
             deepest[k] = min(deepest[k], float(np.nanmin(angle, initial=0.0)))

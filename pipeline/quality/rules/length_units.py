@@ -102,6 +102,7 @@ def infer_unit(
             path,
             expected=f"a leg of {LEG_RANGE[0]} to {LEG_RANGE[1]} m in one of {', '.join(UNITS)}",
             found=f"thigh plus shank of {leg:.4g} units",
+            advice="name another unit with --unit",
         )
     name, metres = possible[0], UNITS[possible[0]]
     whose = "nearest to an adult's" if _usual(leg * metres) else "as long as a person's"
@@ -136,7 +137,7 @@ def unit_correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
     """
     possible = plausible_units(leg, FACTORS)
     if not possible:
-        text = f"a leg (thigh and shank) of {leg:.4g} m fits no unit of length"
+        text = f"a leg (thigh and shank) of {leg:.4g} m fits no unit of length; name the unit with --unit"
         return 1.0, [Defect("wrong_units", joints, "joints", "refused", text)]
     factor = FACTORS[possible[0]]
     text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; scaled by {factor:g} to {leg * factor:.2f} m"

@@ -2,7 +2,10 @@
 
 Human strides last 0.45 to 2.5 s, so the stride alone rarely reveals a rate that is wrong by a factor of two.
 The second test is the speed of the ankles relative to each other: as fast as a sprinter's, on knees that bend
-like a walker's. Neither reveals the true rate.
+like a walker's. A swinging foot is two and a half to three times as fast as the walker, so brisk walkers
+(2 m/s) and race walkers reach that speed too. But people lengthen their steps as they quicken them, and a
+recording that plays too fast has short, quick ones. A slow walk at twice its rate looks like a brisk one:
+that cannot be known. Neither test reveals the true rate.
 """
 
 from __future__ import annotations
@@ -10,9 +13,11 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.body_points import bend, between, nodes_of
+from kinemimic.pipeline.gravity import GRAVITY
+from kinemimic.pipeline.kinematics.body_points import bend, between, length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import runs
+from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Seconds. A sprinter's stride takes 0.45 s; the slowest walk of a patient hardly more than 2 s.
@@ -28,6 +33,12 @@ MIN_STRIDES = 2.2
 MAX_WALKING_ANKLE_SPEED = 5.4
 RUNNING_KNEES = np.radians(85.0)
 ANKLE_SPEED_WINDOW = 0.1  # s
+# Faster than the ankles of a walk at 2.3 m/s: too fast even if the steps are not known.
+MAX_BRISK_ANKLE_SPEED = 6.5
+# Steps per second times sqrt(leg / g), and step over leg per such cadence (see assumed_rate.py). 21 walks of
+# the CMU library up to 1.8 m/s: 0.36 to 0.64 and 1.3 to 2.6; at twice their rate, 0.88 to 1.3 and 0.64 to
+# 1.23, but for two slow ones. Race walkers: 200 steps/min of 1.1 m on a leg of 0.88 m are 1.0 and 1.25.
+QUICK_CADENCE, MIN_QUICK_WALK_RATIO = 0.85, 1.15
 
 
 def detect(clip: Clip) -> list[Defect]:
@@ -50,11 +61,31 @@ def detect(clip: Clip) -> list[Defect]:
     speed, usual = ankle_speed(points, clip.times[span]), usual_bend(points)
     if speed < MAX_WALKING_ANKLE_SPEED or usual > RUNNING_KNEES:
         return []
-    text = (
+    seen = (
         f"at {rate:.4g} Hz the ankles separate at {speed:.1f} m/s, as in a sprint, but the knees bend only "
-        f"{np.degrees(usual):.0f}°, as in a walk: the true frame rate is lower; give it as --rate"
+        f"{np.degrees(usual):.0f}°, as in a walk"
     )
+    if period is None:
+        if speed < MAX_BRISK_ANKLE_SPEED:
+            return []
+        text = f"{seen}: the true frame rate may be lower; if it is, give it as --rate"
+    else:
+        step, leg = _step_and_leg(points)
+        cadence = 2.0 / period * np.sqrt(leg / GRAVITY)
+        if not (cadence > QUICK_CADENCE and step < MIN_QUICK_WALK_RATIO * cadence * leg):
+            return []
+        text = (
+            f"{seen}, and steps are quick but short ({120.0 / period:.0f} per minute of {step:.2f} m): "
+            "the true frame rate is lower; give it as --rate"
+        )
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
+
+
+def _step_and_leg(points: Array) -> tuple[float, float]:
+    """Length of a step (95th percentile of the horizontal distance of the ankles) and of a leg, metres."""
+    apart = np.linalg.norm(between(points, "ankle_left", "ankle_right")[:, :2], axis=1)
+    leg = median(length(points, "hips", "knees") + length(points, "knees", "ankles"))
+    return float(np.nanpercentile(apart, 95.0)), leg
 
 
 def ankle_speed(points: Array, times: Array) -> float:

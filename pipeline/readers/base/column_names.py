@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 from kinemimic.pipeline.readers.base.source import Source
 
+# What to do about a table whose columns are not those of its format.
+DESCRIBE = "or describe its columns (`kinemimic inspect --suggest FILE` drafts that)"
+
 
 def index_of_columns(names: Sequence[str], source: Source, line: int) -> dict[str, int]:
     """Column of each name; CaptureError if a name occurs twice. line: of the header, from 1."""
@@ -29,5 +32,10 @@ def require_columns(
     missing = [name for name in wanted if key(name) not in index]
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise source.error(expected=expected, found=f"no column {', '.join(missing[:3])}{more}", line=line)
+        raise source.error(
+            expected=expected,
+            found=f"no column {', '.join(missing[:3])}{more}",
+            line=line,
+            advice=f"restore the columns, {DESCRIBE}",
+        )
     return [index[key(name)] for name in wanted]

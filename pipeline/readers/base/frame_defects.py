@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.source import Source
 
-# In metres. A depth camera reaches 8 m; a coordinate ten times beyond that is not a measurement.
+# In metres. A depth camera reaches 8 m; a coordinate ten times beyond that is not a measurement, …
 MAX_COORDINATE = 100.0
+# … except where the whole body is: people walk far, and a map's origin may be kilometres away.
+MAX_DISTANCE = 1e5
+REMOTE_ADVICE = (
+    f"a whole body may be up to {MAX_DISTANCE / 1000:g} km away, but not one joint, or for one frame; "
+    "set another unit than metres with --unit"
+)
+# Fewer joints are no body.
+_FEWEST_JOINTS = 3
 # A run of this many late lines is more than a stutter of the clock.
 _SECOND_RECORDING = 10
 
@@ -59,21 +69,71 @@ def zero_frames(points: Array) -> list[Defect]:
 
 
 def refuse_remote(points: Array, joints: Sequence[str], source: Source, line: Callable[[int], int]) -> None:
-    """Raise CaptureError for the first coordinate beyond MAX_COORDINATE. NaN and infinity mean "not seen" and
-    pass.
+    """Raise CaptureError for the first coordinate that is no measurement (see `remote`).
 
     points: (T, J, 3) metres; joints: (J,) names as in the file; line: line number of a frame. If the user
     names another unit, the values are not metres yet, and the check of the leg length applies instead
     (quality/rules/length_units.py).
     """
-    if source.unit is not None:
-        return
-    # A comparison with NaN is False, so only infinity needs the second check.
-    far = np.abs(points) > MAX_COORDINATE
-    if far.any() and (far := far & np.isfinite(points)).any():
-        frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
+    if source.unit is None and (found := remote(points)) is not None:
+        frame, joint, axis = found
         raise source.error(
             expected=f"metres, at most {MAX_COORDINATE:g}, in {joints[joint]}_{'XYZ'[axis]}",
             found=f"{points[frame, joint, axis]:g}",
             line=line(frame),
+            advice=REMOTE_ADVICE,
         )
+
+
+def refuse_remote_frames(points: Array, joints: Sequence[str], source: Source) -> None:
+    """`refuse_remote` for a file without lines: the error names the frame."""
+    if source.unit is None and (found := remote(points)) is not None:
+        frame, joint, axis = found
+        raise source.error(
+            expected=f"metres, at most {MAX_COORDINATE:g}, in {joints[joint]}",
+            found=f"{points[frame, joint, axis]:g}",
+            where=f"frame {frame}",
+            advice=REMOTE_ADVICE,
+        )
+
+
+def remote(points: Array) -> tuple[int, int, int] | None:
+    """Frame, joint and axis of the first coordinate that is no measurement, or None. NaN and infinity mean
+    "not seen" and pass.
+
+    points: (T, J, 3) metres. Any coordinate up to MAX_COORDINATE passes. One beyond is a measurement if the
+    whole body is there, as in a long walk or far from a laboratory's origin: no joint is farther than that
+    from the middle of its frame's body, nor that middle farther from the one of the frame before.
+    """
+    far = np.abs(points) > MAX_COORDINATE
+    if not far.any() or not (far := far & np.isfinite(points)).any():
+        return None
+    seen = np.isfinite(points) & points.any(axis=-1, keepdims=True)
+    places = np.where(seen, points, np.nan)
+    wrong: Mask = far & ~(np.abs(points) <= MAX_DISTANCE)
+    if not wrong.any():
+        wrong = _apart(places) if (seen.any(axis=-1).sum(axis=1) >= _FEWEST_JOINTS).any() else far
+    if not wrong.any():
+        return None
+    frame, joint, axis = (int(k) for k in np.argwhere(wrong)[0])
+    return frame, joint, axis
+
+
+def _apart(places: Array) -> Mask:
+    """The coordinates (T, J, 3) that are far from their frame's body, or in a frame far from the one before;
+    places: NaN where not seen."""
+    present = np.flatnonzero(np.isfinite(places).any(axis=(1, 2)))
+    there = places[present]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # an axis that no joint of a frame has
+        middle = np.nanmedian(there, axis=1)
+        usual = np.nanmedian(middle, axis=0)
+    wrong = np.zeros(places.shape, dtype=bool)
+    wrong[present] = np.abs(there - middle[:, None]) > MAX_COORDINATE
+    leaps = np.abs(np.diff(middle, axis=0)) > MAX_COORDINATE * np.diff(present)[:, None]
+    for step, axis in np.argwhere(leaps):
+        # Of the two frames, the one that is farther from where the body usually is.
+        off = np.abs(middle[step : step + 2, axis] - usual[axis])
+        frame = present[step + int(off[1] >= off[0])]
+        wrong[frame, :, axis] = np.isfinite(places[frame, :, axis])
+    return wrong

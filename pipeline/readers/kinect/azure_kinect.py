@@ -23,7 +23,7 @@ from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
+from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, REMOTE_ADVICE, remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
@@ -194,14 +194,14 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
 
 def _refuse_remote(points: Array, source: Source) -> None:
     """`refuse_remote` for a JSON file, where errors name frames, not lines."""
-    remote = (np.abs(points) > MAX_COORDINATE) & np.isfinite(points)
-    if remote.any():
-        frame, joint, axis = (int(k) for k in np.argwhere(remote)[0])
+    if (found := remote(points)) is not None:
+        frame, joint, axis = found
         raise source.error(
             expected=f"millimetres, at most {MAX_COORDINATE * _MM:g}, in "
             f"{'XYZ'[axis]} of {AZURE_JOINTS[joint]}",
             found=f"{points[frame, joint, axis] * _MM:g}",
             where=_where(frame),
+            advice=REMOTE_ADVICE,
         )
 
 

@@ -9,13 +9,14 @@ other orders of names above them. The right names are therefore detected from th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
+from kinemimic.pipeline.readers.base.column_names import DESCRIBE
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.source import Source
@@ -27,6 +28,7 @@ from kinemimic.pipeline.readers.kinect.skl_text import (
     header_of,
     is_kinect_v2,
     joint_columns,
+    unread_columns,
 )
 
 FORMAT = Format(
@@ -39,6 +41,7 @@ FORMAT = Format(
 _CLOCKS = ("100 ns", "ms")
 # A v1 name that one of the recorders kept for the same joint.
 _V1_NAMES = {"shouldercenter": "spineshoulder"}
+_NAMES = frozenset((*_V1_NAMES, *(joint.lower() for joint in SDK_JOINTS)))
 
 # Joint -> usual length in metres of the bone that ends there, as a Kinect v2 sees an adult. Hands are
 # omitted: inferred hands have any length.
@@ -83,9 +86,16 @@ def read(source: Source) -> Clip:
     bones.
     """
     header = header_of(source)
+    joints, others = header.joints, list[str]()
+    if len(joints) != len(SDK_JOINTS):
+        others = [joint for joint in joints if joint.lower() not in _NAMES]
+        header = replace(header, joints=tuple(joint for joint in joints if joint not in others))
     if len(header.joints) != len(SDK_JOINTS):
         raise source.error(
-            expected="the 25 joints of a Kinect v2", found=f"{len(header.joints)} joints", line=header.line
+            expected="the 25 joints of a Kinect v2",
+            found=f"{len(joints)} joints",
+            line=header.line,
+            advice=f"restore the columns, {DESCRIBE}",
         )
     frames = frames_of(source, header, header.joints, sensor=FORMAT.sensor, usual_clocks=_CLOCKS)
     order, defects = _choose_order(source, header, frames)
@@ -100,7 +110,7 @@ def read(source: Source) -> Clip:
             units="m",
             units_rule="the format's",
             defects=[*frames.defects, *zero_frames(frames.points), *defects],
-            notes=frames.notes,
+            notes=[*frames.notes, *unread_columns(others, FORMAT.sensor)],
             columns=len(header.columns),
             joint_order=order.label,
             **frames.facts,

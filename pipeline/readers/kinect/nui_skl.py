@@ -10,11 +10,20 @@ tracked.
 from __future__ import annotations
 
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
+from kinemimic.pipeline.readers.base.column_names import DESCRIBE
 from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.kinect.skl_text import frames_of, header_of, is_kinect_v2, joint_columns
+from kinemimic.pipeline.readers.kinect.skl_text import (
+    frames_of,
+    header_of,
+    is_kinect_v2,
+    joint_columns,
+    unread_columns,
+)
 
 FORMAT = Format(
     name="Kinect v1 .skl text",
@@ -28,6 +37,7 @@ KINECT_V1_JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node
 # A header with this many joint columns is of this format, even if some columns are missing.
 _MIN_COLUMNS = 20
 _NAMES = frozenset(joint.lower() for joint in KINECT_V1_JOINTS)
+_LEGS = frozenset(node.title().replace("_", "") for node in REQUIRED)
 
 
 def recognises(source: Source) -> bool:
@@ -37,21 +47,34 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 20 nodes, one frame per line with a later time than before.
+    """The clip of the 20 nodes, or of those that have columns, one frame per line with a later time than
+    before.
 
-    Lines with a repeated or earlier time are dropped and counted.
+    Lines with a repeated or earlier time are dropped and counted. Raises CaptureError for legs without
+    columns; arms, head and feet without are derived later (kinematics/nodes.py). Columns of other things are
+    not read.
     """
     header = header_of(source)
-    unknown = sorted({joint.lower() for joint in header.joints} - _NAMES)
-    if unknown:
+    written = {joint.lower() for joint in header.joints}
+    others = [joint for joint in header.joints if joint.lower() not in _NAMES]
+    missing = [joint for joint in KINECT_V1_JOINTS if joint.lower() not in written]
+    if needed := [joint for joint in missing if joint in _LEGS]:
+        beside = f" beside {', '.join(others[:3])[:80]}" if others else ""
         raise source.error(
-            expected="the 20 joints of a Kinect v1",
-            found=f"{len(header.joints)} joints, including {', '.join(unknown[:3])[:80]}",
+            expected="the joints of a Kinect v1, at least those of the legs",
+            found=f"no columns of {', '.join(needed)}{beside}",
             line=header.line,
+            advice=f"restore their names, {DESCRIBE}",
         )
-    frames = frames_of(source, header, KINECT_V1_JOINTS, sensor=FORMAT.sensor, usual_clocks=("ms",))
+    joints = tuple(joint for joint in KINECT_V1_JOINTS if joint not in missing)
+    frames = frames_of(source, header, joints, sensor=FORMAT.sensor, usual_clocks=("ms",))
+    notes = [*frames.notes, *unread_columns(others, FORMAT.sensor)]
+    if missing:
+        notes.append(f"no columns of {', '.join(missing)}")
     return clip_of_points(
-        node_skeleton(),
+        skeleton_of(tuple(NODES[KINECT_V1_JOINTS.index(joint)] for joint in joints))
+        if missing
+        else node_skeleton(),
         frames.times,
         frames.points,
         frames.states,
@@ -60,7 +83,7 @@ def read(source: Source) -> Clip:
             units="m",
             units_rule="the format's",
             defects=frames.defects,
-            notes=frames.notes,
+            notes=notes,
             columns=len(header.columns),
             **frames.facts,
         ),

@@ -8,6 +8,7 @@ header, `Name.x`, times in another unit or as dates, no times.
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
-from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.numbers import parse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_values import STEPS, check_states
 
@@ -86,6 +87,12 @@ def _names(header: str) -> list[str]:
     separator = _separator(header)
     names = header.strip().removesuffix(separator or "").split(separator)
     return [name.strip().strip('"').replace(".", "_") for name in names]
+
+
+def unread_columns(names: Sequence[str], sensor: str) -> list[str]:
+    """A note about what has columns like a joint and is none of the sensor's, such as a ball."""
+    listed = ", ".join(names[:6])[:120] + (" …" if len(names) > 6 else "")
+    return [f"no joints of a {sensor}, not read: {listed}"] if names else []
 
 
 @dataclass(frozen=True)
@@ -172,11 +179,15 @@ def _unit(clock: Array, usual: str, source: Source) -> str:
 
 
 def _plain(source: Source, header: Header) -> Source:
-    """The table, line by line, without quotes and decimal commas, dates as seconds."""
+    """The table, line by line, without quotes and decimal commas, dates as seconds, and zeros for words in
+    columns that are not read."""
     rows = source.lines[header.line :]
+    words = _columns_of_words(rows, header)
+    if words:
+        rows = list(_without(words, rows, header))
     dated = _has_dates(rows, header)
     decimal_commas = header.separator != "," and b"," in source.content
-    if not (dated or decimal_commas or b'"' in source.content):
+    if not (words or dated or decimal_commas or b'"' in source.content):
         return source
     body = "\n".join(rows).replace('"', "")
     if decimal_commas:
@@ -185,6 +196,29 @@ def _plain(source: Source, header: Header) -> Source:
         body = "\n".join(_with_seconds(body.split("\n"), header, source))
     text = "\n".join([*source.lines[: header.line], body])
     return Source(source.path, text.encode(), source.sha256, source.unit)
+
+
+def _columns_of_words(rows: Sequence[str], header: Header) -> list[int]:
+    """Columns that are not read (neither a joint's nor the clock) and have no number in the first row."""
+    first = next((row for row in rows if row.strip()), "")
+    read = {column for name, column in header.columns.items() if _COLUMN.match(name)} | {header.clock}
+    cells = _cells(first, header)
+    return [k for k, cell in enumerate(cells) if k not in read and to_number(cell.replace(",", ".")) is None]
+
+
+def _without(words: Sequence[int], rows: Sequence[str], header: Header) -> Iterator[str]:
+    for row in rows:
+        cells = _cells(row, header)
+        yield (header.separator or "\t").join(
+            "0" if k in words and k < len(header.columns) else cell for k, cell in enumerate(cells)
+        )
+
+
+def _cells(row: str, header: Header) -> list[str]:
+    """The cells of a row; a separator within quotes separates nothing."""
+    if header.separator is None and "\t" not in row:
+        return row.split()
+    return next(csv.reader([row], delimiter=header.separator or "\t"), [])
 
 
 def _has_dates(rows: Sequence[str], header: Header) -> bool:

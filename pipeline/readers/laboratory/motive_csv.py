@@ -21,9 +21,10 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.people import main_person
 
 FORMAT = Format(
     name="OptiTrack Motive CSV",
@@ -33,7 +34,7 @@ FORMAT = Format(
     width_in_header=True,
 )
 _MARK = "Format Version"
-_UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
+_UNITS = ("Millimeters", "Centimeters", "Meters", "Inches", "Feet")
 # Bones of Motive's skeletons -> the words by which joints are known (kinematics/joint_names.py).
 _BONES = {
     "hip": "hips", "ab": "spine", "neck": "neck", "head": "head",
@@ -90,6 +91,8 @@ def read(source: Source) -> Clip:
         notes.append("a skeleton's bones are read as joints at their positions; their rotations are not read")
     else:
         labels = marker_set(source).renamed(labels, source)
+    labels, points, others = main_person(labels, points)
+    defects += others
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
@@ -124,13 +127,13 @@ def _unit(facts: dict[str, str], source: Source) -> str:
     stated = facts.get("length units", "")
     if source.unit is not None:
         return source.unit
-    if stated.lower() not in _UNITS:
+    if (named := unit_named(stated)) is None:
         raise source.error(
             expected=f"Length Units of {', '.join(_UNITS)} in line 1",
             found=repr(stated[:20]) if stated else "none",
             advice="set the unit with --unit",
         )
-    return _UNITS[stated.lower()]
+    return named
 
 
 def _columns(source: Source, start: int) -> tuple[int, dict[str, list[str]]]:
@@ -160,8 +163,9 @@ def _places(rows: dict[str, list[str]], axes: list[str]) -> tuple[dict[str, list
         if group:
             name = names[column]
             if group == _BONE:
-                bone = name.rpartition(":")[2].lower()
-                name = _BONES.get(bone, name)
+                # A skeleton's name stays before its bones': a take may have several skeletons.
+                skeleton, colon, bone = name.rpartition(":")
+                name = f"{skeleton}{colon}{_BONES.get(bone.lower(), bone)}"
             found[group].setdefault(name, []).append(column)
     whole = {
         group: {name: columns for name, columns in places.items() if len(columns) == 3}

@@ -9,7 +9,8 @@ ours.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,10 +36,11 @@ from kinemimic.pipeline.readers.laboratory.nexus_sections import (
     separator_of,
     titles,
 )
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
 from kinemimic.pipeline.readers.optical.marker_names import landmarks
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.people import other_people, seen_most, without_others
 
 FORMAT = Format(
     name="Vicon Nexus CSV",
@@ -47,6 +49,7 @@ FORMAT = Format(
     recognised_by='a first line "Trajectories" or "Model Outputs"',
     width_in_header=True,
 )
+_MARKER = ("X", "Y", "Z")
 _SEGMENT = ("RX", "RY", "RZ", "TX", "TY", "TZ", "SX", "SY", "SZ")
 # Node -> the segment at whose origin it is, "+" for the other end, and the segment that it is fixed to.
 _NODES: dict[str, tuple[str, str]] = {
@@ -98,9 +101,9 @@ def read(source: Source) -> Clip:
     }
     outputs = sections.get(MODEL_OUTPUTS)
     if outputs is not None:
-        named = {item.name: item for item in _of_main_subject(outputs)[0]}
-        if all(leg in named and named[leg].components == _SEGMENT for leg in _LEGS):
-            return _of_segments(outputs, named, source)
+        walkers = _with_legs(outputs)
+        if walkers:
+            return _of_segments(outputs, walkers, source)
         if TRAJECTORIES not in sections:
             raise source.error(
                 expected=f"outputs of the segments {', '.join(_LEGS)}, or a section {TRAJECTORIES}",
@@ -122,15 +125,41 @@ def _clock(section: Section) -> _Clock:
     return _Clock((section.frames[later] - section.frames[0]) / section.rate, later, defects)
 
 
-def _of_main_subject(section: Section) -> tuple[list[Item], int]:
-    """The items of the subject with most columns, and how many other subjects there are."""
-    count = Counter(item.subject for item in section.items)
+def _main_subject(items: Sequence[Item]) -> str:
+    """The subject with most items; of several, the one with most known markers.
+
+    A box or a second person may have more markers: the person is whose markers have known names.
+    """
+    count = Counter(item.subject for item in items)
+    known = Counter(item.subject for item in items if landmarks((item.name,)))
     main = count.most_common(1)[0][0]
-    return [item for item in section.items if item.subject == main], len(count) - 1
+    return known.most_common(1)[0][0] if known and known[main] < max(known.values()) else main
 
 
-def _of_segments(section: Section, named: dict[str, Item], source: Source) -> Clip:
+def _with_legs(section: Section) -> dict[str, dict[str, Item]]:
+    """Each subject with the segments of both legs -> name -> item."""
+    named: dict[str, dict[str, Item]] = {}
+    for item in section.items:
+        named.setdefault(item.subject, {})[item.name] = item
+    return {
+        subject: items
+        for subject, items in named.items()
+        if all(leg in items and items[leg].components == _SEGMENT for leg in _LEGS)
+    }
+
+
+def _leg_values(section: Section, items: dict[str, Item]) -> Array:
+    return np.hstack([section.values[:, items[leg].columns] for leg in _LEGS])
+
+
+def _of_segments(section: Section, walkers: dict[str, dict[str, Item]], source: Source) -> Clip:
     clock = _clock(section)
+    seen: dict[str, Mask] = {
+        subject: np.asarray(np.isfinite(_leg_values(section, items)[clock.later]).all(axis=1))
+        for subject, items in walkers.items()
+    }
+    subject = seen_most(seen)
+    named = walkers[subject]
     lines = np.flatnonzero(clock.later)
     segments = [name for name, item in named.items() if item.components == _SEGMENT]
     values = np.stack([section.values[clock.later, named[name].columns] for name in segments], axis=1)
@@ -169,25 +198,25 @@ def _of_segments(section: Section, named: dict[str, Item], source: Source) -> Cl
         reading=reading(
             units=unit,
             units_rule=SET_BY_USER if source.unit else "the file's",
-            defects=clock.defects,
+            defects=[*clock.defects, *other_people(seen, subject)],
             notes=["joint centres of Plug-in-Gait's segments", "no axes in the file: read as Z up"],
             section=section.title,
             columns=section.values.shape[1],
         ),
         world_from_file=IDENTITY,
         rotations=child_to_parent(np.stack(frames, axis=1), skeleton, IDENTITY),
-        angles=_angles(section, clock.later),
+        angles=_angles(section, clock.later, subject),
     )
 
 
 def _of_markers(section: Section, outputs: Section | None, source: Source) -> Clip:
     clock = _clock(section)
-    main, others = _of_main_subject(section)
-    # A box or a second person may have more markers: the person is whose markers have known names.
-    known = Counter(item.subject for item in section.items if landmarks((item.name,)))
-    if known and known[main[0].subject] < max(known.values()):
-        main = [item for item in section.items if item.subject == known.most_common(1)[0][0]]
-    wrong = next((item for item in main if item.components != ("X", "Y", "Z")), None)
+    values = section.values[clock.later]
+    items, people = _of_main_person(section, values)
+    subject = _main_subject(items)
+    main = [item for item in items if item.subject == subject]
+    others = len({item.subject for item in items}) - 1
+    wrong = next((item for item in main if item.components != _MARKER), None)
     if wrong is not None:
         raise source.error(
             expected=f"X, Y and Z of the marker {wrong.name[:40]}", found=", ".join(wrong.components)[:60]
@@ -195,9 +224,8 @@ def _of_markers(section: Section, outputs: Section | None, source: Source) -> Cl
     labels = tuple(item.name for item in main)
     labels = marker_set(source).renamed(labels, source)
     unit = source.unit or _unit([item.units[0] for item in main], source)
-    values = section.values[clock.later]
     points = np.stack([values[:, item.columns] for item in main], axis=1) * UNITS[unit]
-    defects = list(clock.defects)
+    defects = [*clock.defects, *people]
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
@@ -224,25 +252,37 @@ def _of_markers(section: Section, outputs: Section | None, source: Source) -> Cl
         ),
         world_from_file=IDENTITY,
         source=source,
-        angles=_angles(outputs, clock.later) if same and outputs is not None else None,
+        angles=_angles(outputs, clock.later, subject) if same and outputs is not None else None,
     )
+
+
+def _of_main_person(section: Section, values: Array) -> tuple[list[Item], list[Defect]]:
+    """The items without those of other people (optical/people.py), and the defect; values: (T, columns)."""
+    markers = [item for item in section.items if item.components == _MARKER]
+    if not markers:
+        return list(section.items), []
+    labels = tuple(f"{item.subject}:{item.name}" if item.subject else item.name for item in markers)
+    places = np.stack([values[:, item.columns] for item in markers], axis=1)
+    kept, new, defects = without_others(labels, places)
+    mine = [replace(markers[k], name=name.rpartition(":")[2]) for k, name in zip(kept, new, strict=True)]
+    return [*mine, *(item for item in section.items if item.components != _MARKER)], defects
 
 
 def _unit(stated: list[str], source: Source) -> str:
     """The unit (a key of UNITS) that the line of units states."""
     unit = Counter(stated).most_common(1)[0][0]
-    if unit not in UNITS:
+    if (named := unit_named(unit)) is None:
         raise source.error(
             expected=f"a unit of length among {', '.join(UNITS)}",
             found=repr(unit[:20]),
             advice="set it with --unit",
         )
-    return unit
+    return named
 
 
-def _angles(section: Section, later: Mask) -> dict[str, Array] | None:
-    """Plug-in-Gait's flexion of knees and hips (T,) in radians, NaN where empty."""
-    named = {item.name: item for item in _of_main_subject(section)[0]}
+def _angles(section: Section, later: Mask, subject: str) -> dict[str, Array] | None:
+    """Plug-in-Gait's flexion of a subject's knees and hips (T,) in radians, NaN where empty."""
+    named = {item.name: item for item in section.items if item.subject == subject}
     found = {
         angle: np.radians(section.values[later, named[name].columns.start])
         for angle, name in _ANGLES.items()

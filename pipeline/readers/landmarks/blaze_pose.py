@@ -75,7 +75,7 @@ def path_of_landmarks(points: Array, source: Source) -> str:
     with np.errstate(over="ignore"):  # a damaged file may hold any number
         off = np.median(np.linalg.norm(seen, axis=-1))
     if off <= _ORIGIN:
-        return "the hips stay where they are: the way is not in the file"
+        return "the hips stay where they are: the path is not in the file"
     flat = points[..., :2][np.isfinite(points[..., :2])]
     low, high = np.percentile(flat, [2.5, 97.5])
     x, y, _ = np.median(seen, axis=0)
@@ -87,7 +87,7 @@ def path_of_landmarks(points: Array, source: Source) -> str:
     elif source.unit is None and not LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
         found = f"a leg of {leg:.4g}, the middle of the hips at {x:.4g}, {y:.4g}: image landmarks in pixels?"
     else:
-        return "the hips move: the way is in the file"
+        return "the hips move: the path is in the file"
     raise source.error(expected="world landmarks, in metres", found=found, advice=FIT_FOR_USE)
 
 

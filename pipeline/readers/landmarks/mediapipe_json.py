@@ -16,10 +16,11 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote_frames
 from kinemimic.pipeline.readers.base.frame_rate import HIGHEST, LOWEST
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
@@ -79,15 +80,7 @@ def read(source: Source) -> Clip:
     if not np.isfinite(points).any():
         raise source.error(expected="frames with a person", found=f"none in {len(frames)} frames")
     path = path_of_landmarks(points, source)
-    # In another unit that the user names, the size of the leg is checked instead.
-    far = np.argwhere(np.abs(points) > (MAX_COORDINATE if source.unit is None else np.inf))
-    if len(far):
-        number, landmark, axis = (int(k) for k in far[0])
-        raise source.error(
-            expected=f"metres, at most {MAX_COORDINATE:g}, at {LANDMARKS[landmark]}",
-            found=f"{points[number, landmark, axis]:g}",
-            where=f"frame {number}",
-        )
+    refuse_remote_frames(points, LANDMARKS, source)
     times = _times(frames, document, source)
     defects = list(times.defects)
     if others:

@@ -21,7 +21,7 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.clock import seconds_of
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
+from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, REMOTE_ADVICE, remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
@@ -155,12 +155,12 @@ def _bodies(frame: dict[str, Any], number: int, source: Source) -> dict[int, tup
                 found="something else" if points is None else f"{points.shape}",
                 where=f"frame {number}",
             )
-        if (np.abs(points) > MAX_COORDINATE).any() and source.unit is None:
+        if source.unit is None and remote(points[None]) is not None:
             raise source.error(
                 expected=f"metres, at most {MAX_COORDINATE:g}, in keypoint",
                 found=f"{np.nanmax(np.abs(points)):g}",
                 where=f"frame {number}",
-                advice="set the unit with --unit",
+                advice=REMOTE_ADVICE,
             )
         level = numbers(body.get("keypoint_confidence"))
         identity = body.get("id", 0)

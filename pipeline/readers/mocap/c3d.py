@@ -18,7 +18,7 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote_frames, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
@@ -27,6 +27,7 @@ from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_nam
 from kinemimic.pipeline.readers.optical.marker_names import joint_centres, landmarks
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers, require_legs
+from kinemimic.pipeline.readers.optical.people import main_person
 
 FORMAT = Format(
     name="C3D",
@@ -64,18 +65,21 @@ def read(source: Source) -> Clip:
     labels = marker_set(source).renamed(labels, source)
     unread = unread_frames(source, len(points))
     is_kinect = all(label in labels for label in NODE_OF_LABEL)
+    facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate}
+    wrong: list[Defect] = []
     if not is_kinect:
+        labels, points, wrong = main_person(labels, points)
         require_legs(labels, points, source)  # while unknown labels are still there to be named
     selected_labels = tuple(NODE_OF_LABEL) if is_kinect else _body_labels(labels)
     selected_points = points[:, [labels.index(label) for label in selected_labels]]
     unit, rule = _unit(content.units, selected_points, source)
     selected_points = selected_points * UNITS[unit]
-    wrong: list[Defect] = []
     if source.unit is None:
-        selected_points, wrong = in_metres(selected_labels, selected_points)
-    _refuse_remote(selected_points, selected_labels, source)
+        selected_points, unit_defects = in_metres(selected_labels, selected_points)
+        wrong += unit_defects
+    refuse_remote_frames(selected_points, selected_labels, source)
     up = content.up.upper().removeprefix("+")
-    facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not stated"}
+    facts["up"] = up or "not stated"
     if is_kinect:
         rate, assumed = true_rate(rate)
         angle_columns = {label: points[:, k, 0] for k, label in enumerate(labels)}
@@ -132,18 +136,6 @@ def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
         joint_centres(labels).values()
     )
     return tuple(labels[k] for k in sorted(known))
-
-
-def _refuse_remote(places: Array, labels: tuple[str, ...], source: Source) -> None:
-    """Raise CaptureError for a position (T, N, 3), in metres, outside any laboratory."""
-    far = np.argwhere(np.abs(places) > MAX_COORDINATE)
-    if len(far):
-        frame, point, axis = (int(k) for k in far[0])
-        raise source.error(
-            expected=f"metres, at most {MAX_COORDINATE:g}, in {labels[point]}",
-            found=f"{places[frame, point, axis]:g}",
-            where=f"frame {frame}",
-        )
 
 
 def _unit(declared: str, points: Array, source: Source) -> tuple[str, str]:

@@ -23,6 +23,7 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.people import main_person
 
 RATE = 100.0
 UNIT = "mm"
@@ -58,6 +59,8 @@ def read(source: Source) -> Clip:
     unit = source.unit or UNIT
     points = table.values[:, columns].reshape(len(table.values), len(labels), 3) * UNITS[unit]
     defects = zero_frames(points)
+    labels, points, others = main_person(labels, points)
+    defects += others
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects

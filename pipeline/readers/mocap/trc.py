@@ -27,6 +27,7 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.people import main_person
 
 FORMAT = Format(
     name="TRC",
@@ -63,7 +64,7 @@ def read(source: Source) -> Clip:
     units = source.unit or unit_named(stated_units)
     if units is None:
         raise source.error(
-            expected="Units of mm, cm, m in the header",
+            expected="Units of mm, cm, m, dm, inch, ft in the header",
             found=repr(stated_units[:20]) if stated_units else "none",
             advice="set the unit with --unit",
         )
@@ -79,6 +80,8 @@ def read(source: Source) -> Clip:
     times, notes = _times(values[:, 1], later, declared, source)
     kept = values if later.all() else values[later]
     points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
+    labels, points, others = main_person(labels, points)
+    defects += others
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects

@@ -24,12 +24,15 @@ _WORDS: dict[str, tuple[str, ...]] = {
     "mm": ("mm", "millimeter", "millimetre"),
     "cm": ("cm", "centimeter", "centimetre"),
     "m": ("m", "meter", "metre"),
+    "dm": ("dm", "decimeter", "decimetre"),
+    "inch": ("in", "inch", "inche", '"'),
+    "ft": ("ft", "foot", "feet", "'"),
 }
 
 
 def unit_named(word: str) -> str | None:
-    """The unit (a key of UNITS) that a header names "mm", "Meters", "metre" …; None if unknown."""
-    singular = word.strip().lower().removesuffix("s")
+    """The unit (a key of UNITS) that a header names "mm", "Meters", "metre", "in" …; None if unknown."""
+    singular = word.strip().lower().removesuffix(".").removesuffix("s")
     return next((unit for unit, words in _WORDS.items() if singular in words), None)
 
 

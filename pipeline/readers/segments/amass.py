@@ -35,7 +35,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
+from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote_frames
 from kinemimic.pipeline.readers.base.npz import array_names, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
 
@@ -121,7 +121,7 @@ def read(source: Source) -> Clip:
         raise source.error(expected=f"trans of shape ({len(turns)}, 3), as poses", found=f"{trans.shape}")
     for name, values, most, what in (
         ("poses", turns, _MAX_TURN, "radians"),
-        ("trans", trans, MAX_COORDINATE, "metres"),
+        ("trans", trans, MAX_DISTANCE, "metres"),
     ):
         wrong = ~(np.abs(values) <= most)  # NaN too
         if wrong.any():
@@ -131,6 +131,8 @@ def read(source: Source) -> Clip:
                 found=f"{values[tuple(place)]:g}",
                 where=f"frame {int(place[0])}",
             )
+    # The path of a body of three joints, the fewest of which one can tell that it is somewhere else.
+    refuse_remote_frames(np.repeat(trans[:, None], 3, axis=1), ("trans",) * 3, source)
     gender = _gender(arrays)
     rate, notes = _rate(arrays, source)
     notes.append(

@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, increasing_times
+from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, increasing_times, refuse_remote_frames
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
@@ -84,7 +84,7 @@ def read(source: Source) -> Clip:
     )
     names = {name for node in nodes for name in (*_BODIES[node][0], _BODIES[node][1])} & bodies.keys()
     places = {
-        name: _values(bodies[name], name, "translation", len(clock), MAX_COORDINATE, source) for name in names
+        name: _values(bodies[name], name, "translation", len(clock), MAX_DISTANCE, source) for name in names
     }
     turns = {
         name: from_euler(_values(bodies[name], name, "rotation", len(clock), _MAX_ANGLE, source), "XYZ")
@@ -93,6 +93,7 @@ def read(source: Source) -> Clip:
     points = np.stack(
         [np.mean([places[name] for name in _BODIES[node][0]], axis=0) for node in nodes], axis=1
     )
+    refuse_remote_frames(points, nodes, source)
     unknown = np.full((len(clock), 4), np.nan)
     frames = np.stack([turns.get(_BODIES[node][1], unknown) for node in nodes], axis=1)
     skeleton = skeleton_of(nodes)

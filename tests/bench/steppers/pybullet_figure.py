@@ -15,10 +15,11 @@ import figure
 import pybullet as bullet
 from measuring import print_alone
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.retarget.formats.urdf import humanoid_urdf
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, GRAVITY, SUBSTEPS, TIME_STEP, Poses
+from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, SUBSTEPS, TIME_STEP, Poses
 
 JOINTS = list(range(1, len(BODIES)))
 STIFFNESS = [body.stiffness for body in BODIES[1:]]

@@ -16,7 +16,7 @@ from peers.recordings import write_damaged, write_walk
 from printed.documented import PAGE, documented_keys
 from samples import uiprmd
 
-from kinemimic.evaluate.batch.batch import batch
+from kinemimic.evaluate.batch.batch import batch, found_nothing
 from kinemimic.evaluate.batch.row import motion_columns
 from kinemimic.evaluate.batch.sources import run_folders
 from kinemimic.evaluate.batch.state import BatchState
@@ -169,7 +169,7 @@ def test_an_interrupted_batch_keeps_its_rows(tmp_path: Path) -> None:
             (folder / ".clip.parquet.abc.parquet").touch()  # as a killed worker leaves it
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match="1 of 2 files done; run the same command again to go on"):
+    with pytest.raises(KeyboardInterrupt, match="1 of 2 files done; run the same command again to resume"):
         batch([first, second], out, executor=Interrupted())
     kept = read_json(out / "batch.json")["captures"]
     assert [Path(row["file"]).name for row in kept] == ["a.skl"]
@@ -286,6 +286,19 @@ def test_without_an_accepted_motion_the_status_is_2(
     (tmp_path / "empty").mkdir()
     assert status("batch", tmp_path / "empty", "--out", tmp_path / "none") == 2
     assert "empty: expected captures, found none" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("files", "rest"),
+    [
+        (1, ""),
+        (2, "; 1 other file is no capture either"),
+        (3, "; 2 other files are no captures either"),
+    ],
+)
+def test_the_error_about_no_capture_counts_the_other_files(files: int, rest: str) -> None:
+    error = found_nothing(["walks"], {"other": {f"{k}.txt": "a text" for k in range(files)}})
+    assert str(error) == f"walks: expected captures, found none: a text{rest}"
 
 
 @pytest.mark.usefixtures("inline")

@@ -246,7 +246,7 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--limit=ddpg=3e5"], "--limit: expected some of default, found 'ddpg'"),
         (["nowhere", "--search=ddpg", "--only=ddpg-much"], "found 'ddpg-much'"),
         (["nowhere", "--hidden=128,much"], "expected sizes such as 128,64, found '128,much'"),
-        (["nowhere", "--hidden=0"], "expected sizes such as 128,64, found '0'"),
+        (["nowhere", "--hidden=0"], "for '--hidden': expected sizes such as 128,64, found '0'"),
         (["nowhere", "--hidden=ddpg=8"], "--hidden: expected some of default, found 'ddpg'"),
         (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
         (["a/walk", "b/walk"], "found walk, walk"),

@@ -18,7 +18,7 @@ SEVERAL = {
         f"{name}-batch-1024": {"baseline.batch", "baseline.updates_per_sample"}
         for name in ("ddpg", "td3", "sac")
     },
-    "a2c-figures-64": {"num_envs", "horizon"},
+    "a2c-envs-64": {"num_envs", "horizon"},
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -130,3 +131,13 @@ def test_without_an_accepted_motion_there_is_no_library(tmp_path: Path, inline: 
         library([capture.parent], tmp_path / "library")
     with pytest.raises(KinemimicError, match="expected captures, found none"):
         library([tmp_path / "library"], tmp_path / "other")
+
+
+def test_an_unknown_subject_is_told_the_captures_alone(recordings: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "captures"
+    shutil.copytree(recordings, folder)
+    (folder / "note.txt").write_text("bought on Monday")
+    with pytest.raises(KinemimicError, match="subjects of the captures") as caught:
+        library([folder], tmp_path / "out", test=["nobody"])
+    assert "note" not in str(caught.value)
+    assert not (tmp_path / "out").exists()

@@ -33,7 +33,7 @@ from kinemimic.evaluate.robustness.push_trials import (
     push_phases,
     search,
 )
-from kinemimic.evaluate.robustness.pushes import pushes, summary, survived
+from kinemimic.evaluate.robustness.pushes import force_survived_by, pushes, summary
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
@@ -89,11 +89,11 @@ def test_who_falls_unpushed_survives_nothing() -> None:
 
 def test_survived_is_the_largest_force_within_the_border_of_enough_phases() -> None:
     twenty = [10.0 * k for k in (3, 20, 1, 2, *range(4, 20))]  # 10 to 200, in no order
-    assert survived(twenty, 50) == 110.0  # 110 to 200: ten phases
-    assert survived(twenty, 90) == 30.0  # 30 to 200: eighteen
-    assert survived([50.0, 10.0, 30.0], 50) == 30.0  # two of three
-    assert survived([50.0, 10.0, 30.0], 90) == 10.0  # all
-    assert survived([7.0], 50) == survived([7.0], 90) == 7.0
+    assert force_survived_by(twenty, 50) == 110.0  # 110 to 200: ten phases
+    assert force_survived_by(twenty, 90) == 30.0  # 30 to 200: eighteen
+    assert force_survived_by([50.0, 10.0, 30.0], 50) == 30.0  # two of three
+    assert force_survived_by([50.0, 10.0, 30.0], 90) == 10.0  # all
+    assert force_survived_by([7.0], 50) == force_survived_by([7.0], 90) == 7.0
 
 
 def test_the_summary_keeps_directions_apart() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples.motion import rigid_walk
 
 from kinemimic.evaluate.scoring.gait_command import gait
 from kinemimic.evaluate.scoring.gait_page import cell, gait_page, notes
@@ -20,6 +21,8 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
+from kinemimic.pipeline.writers.bvh import write_bvh
+from kinemimic.pipeline.writers.poses import Poses
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.formats.motion_json import motion_to_json
 
@@ -83,6 +86,20 @@ def test_off_axis_knee_rotation_is_found_on_its_side_only(walk, performance):
     assert found["right"]["rms"] == pytest.approx(5.0, abs=0.01)
     assert found["right"]["peak"] == pytest.approx(5.0, abs=0.01)
     assert found["left"]["peak"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_stiff_knee_hides_its_hinge_and_the_other_keeps_its_number(tmp_path):
+    """A BVH with rotations, in which one knee never bends."""
+    shown = rigid_walk(300, 60.0)
+    rotations = shown.rotations.copy()
+    rotations[:, NODE_INDEX["knee_right"]] = [0.0, 0.0, 0.0, 1.0]
+    write_bvh(tmp_path / "walk.bvh", Poses.rigid(shown.skeleton, 60.0, shown.root, rotations), order="ZXY")
+    ingest(tmp_path / "walk.bvh", tmp_path / "run")
+    convert(tmp_path / "run")
+    subject = captured(tmp_path / "run")
+    assert set(subject.off_axis) == {"left"}
+    assert any("the right knee hardly bends" in note for note in subject.notes)
+    assert not any("positions only" in note for note in subject.notes)
 
 
 def test_cells():

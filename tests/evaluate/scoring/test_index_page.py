@@ -50,6 +50,10 @@ def test_an_empty_folder_and_damaged_files_have_a_page_too(tmp_path: Path) -> No
 
 
 def test_a_stage_removes_the_page_about_the_files_before(tmp_path: Path) -> None:
+    with stage(tmp_path, "ingest") as out:
+        (out / "clip.parquet").write_text("one")
+    with stage(tmp_path, "convert") as out:
+        (out / "quaternions.parquet").write_text("made from it")
     write_index(tmp_path)
     with stage(tmp_path, "ingest") as out:
         (out / "clip.parquet").write_text("another")

@@ -55,6 +55,7 @@ def test_a_walk_that_never_falls():
     assert (found.level, found.headline) == ("good", "walks 20 s from 13 of 13 phases")
     assert "view" in found.advice
     assert "Train longer" not in found.advice
+    assert "`kinemimic view --run x`" in verdict(scores(), " --run x").advice
     assert verdict(scores(kind="run")).headline == "runs 20 s from 13 of 13 phases"
 
 

@@ -5,9 +5,10 @@ import pytest
 
 from kinemimic.evaluate.simulate.effects import DAMPING, Effects, heading_turn, slope_tilt, spring
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
-from kinemimic.train.sim.world import GRAVITY, BodyStates
+from kinemimic.train.sim.world import BodyStates
 
 LEVEL = np.zeros(3)
 TORSO, HAND = BODY_INDEX["torso"], BODY_INDEX["hand_left"]

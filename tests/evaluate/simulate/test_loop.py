@@ -15,7 +15,7 @@ from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.inputs import Drag, Push, Release
-from kinemimic.evaluate.simulate.loop import Loop, Performed
+from kinemimic.evaluate.simulate.loop import Loop, Performance
 from kinemimic.evaluate.simulate.recording import SESSION, Replay, begin_session
 from kinemimic.evaluate.simulate.repertoire import Repertoire
 from kinemimic.pipeline.errors import KinemimicError
@@ -54,12 +54,12 @@ def page() -> Page:
 def loop(page: Page, walk_run: Path, tmp_path: Path) -> Loop:
     repertoire = Repertoire(walk_run, tmp_path / "prepared")
 
-    def choose(policy: str, motion: str, speed: float) -> Performed:
+    def choose(policy: str, motion: str, speed: float) -> Performance:
         folder, performs = repertoire.prepared(policy, motion)
-        return Performed(folder, policy, performs, speed)
+        return Performance(folder, policy, performs, speed)
 
     return Loop(
-        Performed(walk_run, "run", "run"),
+        Performance(walk_run, "run", "run"),
         page,
         Clock(CONTROL_RATE, sleep=lambda _: None),
         engine="pybullet",

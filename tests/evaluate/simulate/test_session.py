@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from kinemimic.evaluate.simulate.command import command
+from kinemimic.evaluate.simulate.command import _words, command
 from kinemimic.evaluate.simulate.frame import Frame, Score
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
@@ -210,3 +210,10 @@ def test_the_command_replays_and_writes_a_recording(recorded: tuple[Path, list[F
     assert (folder / "session.rrd").stat().st_size > 10_000
     done = CliRunner().invoke(command, ["--replay", "--run", str(folder), "--json"])
     assert json.loads(done.stdout)["steps"] == STEPS
+
+
+def test_a_session_that_followed_nobody_says_so_and_no_number_is_nan() -> None:
+    score = Score(frames=30, upright=30, knee=1.0, hip=1.0, speed=float("nan"))
+    assert "speed undefined" in str(score)
+    assert _words({"people": 0, "score": score.to_json()}) == "nobody was followed"
+    assert _words({"people": 1, "score": score.to_json()}) == str(score)

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from samples.walker import standing, walker
 
 from kinemimic.evaluate.simulate.recording import SESSION, Replay
-from kinemimic.evaluate.stream.command import command, prepare
+from kinemimic.evaluate.stream.command import _words, command, prepare
 from kinemimic.evaluate.stream.live import NoPage, stream
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -124,9 +124,12 @@ def test_no_frame_and_nonsense_are_survived(run: Path) -> None:
     nobody = Sender(
         Clip(WALK.skeleton, WALK.times[:2], WALK.positions[:2] * np.nan, WALK.states[:2], WALK.passes[:2])
     )
-    found = stream(nobody, run, engine="pybullet" if _only_pybullet() else "native", record=False)
+    before = sorted(run.glob("session-*"))
+    found = stream(nobody, run, engine="pybullet" if _only_pybullet() else "native")
     assert found["frames"] == 0
     assert found["falls"] == 0
+    assert found["recording"] is None
+    assert sorted(run.glob("session-*")) == before
     json.dumps(found, allow_nan=False)
 
 
@@ -147,3 +150,20 @@ def test_errors_are_one_line(options: list[str], message: str, tmp_path: Path) -
     result = CliRunner().invoke(command, [*options, "--run", str(tmp_path / "run")])
     assert result.exit_code != 0
     assert message in f"{result.output}{result.exception}"
+
+
+def test_a_stream_without_a_usable_frame_fails(run: Path) -> None:
+    result = CliRunner().invoke(command, ["--no-page", "--stdin", "--run", str(run), "--seconds", "0.1"])
+    assert isinstance(result.exception, KinemimicError)
+    assert str(result.exception).startswith("standard input: expected frames of a person, found none")
+
+
+def test_a_replayed_file_is_described_by_its_own_format(run: Path) -> None:
+    found = {
+        "source": "35_01.bvh", "format": "CMU BVH", "layout": "Kinect v1", "frames": 158, "frames_of": 316,
+        "people": 1, "latency_ms": None, "steps": 90, "followed": 80, "upright": 80, "falls": 1,
+        "faults": {}, "score": None, "recording": None,
+    }  # fmt: skip
+    first, second = _words(found)
+    assert first == "35_01.bvh: CMU BVH, 158 of 316 frames used, 1 person"
+    assert "1 fall" in second and "1 falls" not in second

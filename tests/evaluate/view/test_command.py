@@ -23,6 +23,7 @@ from rerun.chunk import RrdReader
 from kinemimic.evaluate.film.figures import humanoids
 from kinemimic.evaluate.film.film import render_frames, scene_of
 from kinemimic.evaluate.film.solids import Capsule, Cylinder
+from kinemimic.evaluate.view import command as module
 from kinemimic.evaluate.view.command import _record_trial, command, how_to_open, view, view_trial
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
@@ -348,7 +349,7 @@ def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
     assert flying["Ellipsoids3D:half_sizes"][0].as_py() == [[pytest.approx(0.1)] * 3]
     loads = arrows(found, "loads")
     assert [len(row) for row in loads] == [1 if frame in (3, 4, 5) else 0 for frame in range(15)]
-    np.testing.assert_allclose(loads[4], [[0.5, 0.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(loads[4], [[0.25, 0.0, 0.0]], atol=1e-6)
     text = found["/scores"]["TextDocument:text"][0].as_py()[0]
     assert "Scenario **yard**, trial 0: A yard." in text
     _, scene = _record_trial(tmp_path, scenario, 0, 0)
@@ -361,6 +362,16 @@ def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
     np.testing.assert_allclose(solids[0][0].center, [1.0, -0.5, 0.5], atol=1e-6)
     rod = solids[4][-2]
     assert isinstance(rod, Capsule)
-    np.testing.assert_allclose(rod.end - rod.start, [0.5, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(rod.end - rod.start, [0.25, 0.0, 0.0], atol=1e-6)
     weight = np.mean([row[:, 2].sum() for row in arrows(found, "contacts")])
     assert weight == pytest.approx(TOTAL_MASS * 9.81 / 1000.0, rel=0.3)
+
+
+def test_a_trial_of_a_scenario_needs_no_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr("kinemimic.evaluate.scoring.command.evaluate", lambda run: asked.append("evaluate"))
+    monkeypatch.setattr(module, "_record_trial", lambda *_: (tmp_path / "view-room.rrd", None))
+    arguments = ["--policy", "walk", "--run", str(tmp_path / "run"), "--scenario", "room"]
+    result = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert asked == []

@@ -101,6 +101,7 @@ def test_the_motion_of_a_recording_is_not_published(tmp_path: Path, walk: Motion
         (WALK, lambda run, walk: _other_scores(run), "scored policy"),
         (WALK, lambda run, walk: (run / SCORES).unlink(), "scores.json: expected a file"),
         (WALK, lambda run, walk: _swell(run), "too large to ship"),
+        (WALK, lambda run, walk: _tracker(run), "expected a run trained by `train`, found a tracker's"),
     ],
 )
 def test_a_run_that_does_not_match_its_recipe_is_refused(
@@ -126,6 +127,12 @@ def _other_scores(run: Path) -> None:
     scores = read_json(run / SCORES)
     scores["provenance"]["inputs"]["policy"] = "another"
     write_json(run / SCORES, scores)
+
+
+def _tracker(run: Path) -> None:
+    record = read_json(run / RECORD)
+    record["provenance"]["inputs"] = {"library": "x"}
+    write_json(run / RECORD, record)
 
 
 def _swell(run: Path) -> None:

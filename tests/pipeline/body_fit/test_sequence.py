@@ -9,7 +9,15 @@ import pytest
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.body_fit import sequence
-from kinemimic.pipeline.body_fit.body import LENGTHS, POINT_INDEX, POINTS, SEGMENT_INDEX, SEGMENTS, UNKNOWNS
+from kinemimic.pipeline.body_fit.body import (
+    LENGTHS,
+    POINT_INDEX,
+    POINTS,
+    SEGMENT_INDEX,
+    SEGMENTS,
+    UNKNOWNS,
+    kind_of,
+)
 from kinemimic.pipeline.body_fit.camera import SceneCamera
 from kinemimic.pipeline.body_fit.expectations import add_limits
 from kinemimic.pipeline.body_fit.normal_equations import NormalEquations
@@ -51,7 +59,7 @@ def seen(points: Array, noise: float) -> Observed:
     rough = CAMERA.seen(points)
     rough -= rough[:, None, POINT_INDEX["hip_center"]]
     rough[..., 2] *= 0.7
-    shown = np.array([point.kind in POINT_ERRORS for point in POINTS])
+    shown = np.array([kind_of(point.name) in POINT_ERRORS for point in POINTS])
     certainty = np.broadcast_to(shown.astype(float), points.shape[:2]).copy()
     pixels[:, ~shown] = rough[:, ~shown] = np.nan
     return Observed(np.arange(len(points)) / RATE, pixels, certainty, rough, CAMERA.size)

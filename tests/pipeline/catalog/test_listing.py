@@ -12,6 +12,7 @@ from peers.web import CONTENT
 from kinemimic.pipeline.catalog.listing import command
 from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder
+from kinemimic.pipeline.cli.main import main
 
 
 def listed(*arguments: str) -> str:
@@ -69,3 +70,11 @@ def test_the_folder_of_recordings_by_precedence(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv("KINEMIMIC_CAPTURES", "there")
     assert captures_folder() == Path("there")
     assert captures_folder(tmp_path) == tmp_path
+
+
+def test_an_unknown_name_is_told_the_collections(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["datasets", "list", "nosuch"])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kinemimic: expected a collection (kinect1_bernstein_skl, ")

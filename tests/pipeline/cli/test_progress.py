@@ -146,9 +146,11 @@ def test_what_a_callback_raises_ends_the_task() -> None:
         bar.advance()
 
 
-def test_no_callback_has_no_effect() -> None:
-    with reported_to(None), progress("train", 2) as bar:
+def test_no_callback_within_a_callback_leaves_that_one_in_place() -> None:
+    seen = list[ProgressState]()
+    with reported_to(seen.append), reported_to(None), progress("train", 2) as bar:
         bar.advance()
+    assert [(state.what, state.done) for state in seen] == [("train", 1)]
 
 
 @pytest.fixture

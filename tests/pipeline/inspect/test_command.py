@@ -72,7 +72,7 @@ def test_a_single_bad_file_is_status_2(tmp_path: Path, capsys: Out) -> None:
     assert call("inspect", tmp_path / "README.md") == 2
     assert "not a capture" in capsys.readouterr().out
     assert call("inspect", tmp_path / "none.skl") == 2
-    assert "refused" in capsys.readouterr().out
+    assert "found no file; check the name" in capsys.readouterr().err
 
 
 def test_an_empty_folder_is_one_line(tmp_path: Path, capsys: Out) -> None:
@@ -261,3 +261,12 @@ def test_memory_allowed_for_a_file_grows_with_its_size(
     monkeypatch.setattr(batch, "_MEMORY_PER_BYTE", 4 * 2**30 // capture.stat().st_size)
     (enough,) = file_reports([capture], jobs=1)
     assert enough["frames"] == 600
+
+
+def test_a_name_without_a_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["inspect", str(tmp_path / "nowhere")])
+    captured = capsys.readouterr()
+    assert ended.value.code == 2
+    assert captured.out == ""
+    assert captured.err.startswith(f"kinemimic: {tmp_path / 'nowhere'}: expected a capture")

@@ -131,7 +131,7 @@ def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip)
     assert on_path["path"] == "recorded"
     for still in (treadmill, turning):
         assert still is not None
-        # The way over the ground comes from the feet, to 5 %.
+        # The path over the ground comes from the feet, to 5 %.
         assert still["path"] == "feet"
         assert still["speed_m_s"] == pytest.approx(made, rel=0.05)
         assert still["period_s"] == pytest.approx(on_path["period_s"], abs=0.02)

@@ -95,6 +95,23 @@ def test_a_knee_bends_to_the_front_a_little_and_only_through_straight(
     np.testing.assert_array_equal(found, np.radians(np.array(meant, dtype=np.float64)))
 
 
+@pytest.mark.parametrize("rate", [10.0, 15.0, 30.0, 60.0, 120.0])
+def test_the_rate_of_a_steady_sensor_does_not_change_the_sign_of_a_knee(rate: float) -> None:
+    """A swing of 500 degrees a second out of hyperextension: 17 degrees between frames at 30 Hz."""
+    times = np.arange(round(2.0 * rate) + 1) / rate
+    knee = np.radians(25.0 - 35.0 * np.cos(2.0 * np.pi * times / 0.44))
+    assert knee.min() < np.radians(-9.0)
+    np.testing.assert_array_equal(anatomical_knee(knee, times, steady=True), knee)
+
+
+def test_a_noisy_knee_leaps_by_its_speed() -> None:
+    """15 degrees between the frames of a Kinect, or over the longer time of a slower sensor."""
+    leaping = np.radians([2.0, -8.0, 9.0])
+    for step, meant in ((1 / 30, [2.0, 8.0, 9.0]), (1 / 120, [2.0, 8.0, 9.0]), (1 / 15, [2.0, -8.0, 9.0])):
+        found = anatomical_knee(leaping, step * np.arange(3))
+        np.testing.assert_allclose(np.degrees(found), meant, atol=1e-9)
+
+
 @pytest.mark.parametrize("wrong", [70.0, 120.0, 180.0])
 def test_a_pelvis_that_looks_the_wrong_way_does_not_turn_the_knees_over(wrong: float) -> None:
     shown = walk(120)

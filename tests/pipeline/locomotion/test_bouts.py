@@ -41,7 +41,7 @@ def test_a_walk_has_its_period_speed_and_length(noise: float, heading: float) ->
     assert one.period == pytest.approx(w.period, rel=0.01)
     assert one.speed == pytest.approx(w.speed, rel=0.01)
     assert one.cycles == pytest.approx(6.0 / w.period, abs=0.1)
-    assert one.way.source == "recorded" and not one.running and not one.backward
+    assert one.path.source == "recorded" and not one.running and not one.backward
     assert one.precise == (noise == 0.0)
     assert one.positions[-1, 0, 0] - one.positions[0, 0, 0] == pytest.approx(6.0 * w.speed, rel=0.02)
     assert np.angle(np.exp(1j * (one.heading - heading))) == pytest.approx(0.0, abs=np.radians(3.0))

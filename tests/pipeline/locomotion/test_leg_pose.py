@@ -29,3 +29,17 @@ def test_a_walk_has_possible_legs_and_a_broken_leg_is_found_on_its_side() -> Non
     for broken in (stretched, missing, kicked):
         bad = impossible_legs(broken, bones, running=False)
         assert bad[40:50, 0].all() and bad.sum() == 10
+
+
+def test_a_bent_knee_is_a_tracking_error_only_where_bones_change_their_length() -> None:
+    positions = walker().clip.positions
+    p = positions - hips(positions)
+    bones = np.median(leg_bones(p), axis=0)
+    # A knee of 96 degrees, as in the swing of a walker who crouches.
+    thigh, shank = (0.44, np.radians(50.0)), (0.418, np.radians(-46.0))
+    p[:, N["knee_left"]] = p[:, N["hip_left"]] + thigh[0] * np.array([np.sin(thigh[1]), 0, -np.cos(thigh[1])])
+    p[:, N["ankle_left"]] = p[:, N["knee_left"]] + shank[0] * np.array(
+        [np.sin(shank[1]), 0, -np.cos(shank[1])]
+    )
+    assert impossible_legs(p, bones, running=False)[:, 0].all()
+    assert not impossible_legs(p, bones, running=False, precise=True).any()

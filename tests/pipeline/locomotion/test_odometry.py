@@ -1,4 +1,4 @@
-"""The way over the ground from the feet: the same on a floor, on a treadmill and before a turning camera."""
+"""The path over the ground from the feet: the same on a floor, on a treadmill and before a turning camera."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.strides.excerpt import excerpt_of_bout
 
 # The ankles of `stepping` stand quite still until they leave; a person's roll forward by 2 to 11 % of the
-# speed, which the feet's way takes into account.
+# speed, which the feet's path takes into account.
 STIFF = 0.1
 CMU_WALKS = ("02_01", "02_02", "05_01", "06_01", "07_01", "07_03", "07_05", "07_09", "07_12")
 WITHOUT_PATH: tuple[Callable[[Clip], Clip], ...] = (in_place, before_turning_camera)
@@ -59,7 +59,7 @@ def stepping(belt: float, heading: float, rate: float = 60.0, seconds: float = 8
 @pytest.mark.parametrize(("belt", "heading"), [(1.2, 0.0), (0.8, 2.2), (0.5, -1.0)])
 def test_the_speed_of_a_belt(belt: float, heading: float) -> None:
     (one,) = bouts_of(stepping(belt, heading))
-    assert one.way.source == "feet"
+    assert one.path.source == "feet"
     assert one.speed == pytest.approx(belt, rel=STIFF)
     assert np.angle(np.exp(1j * (one.heading - heading))) == pytest.approx(0.0, abs=0.05)
 
@@ -136,7 +136,7 @@ def test_optical_walks_without_their_path_keep_speed_length_and_curves(name: str
     for without_path in WITHOUT_PATH:
         other = without_path(clip)
         found = max(bouts_of(other), key=lambda one: one.cycles)
-        assert found.way.source == "feet"
+        assert found.path.source == "feet"
         root = hips(clip.positions)[found.frames, 0, :2]
         way = float(np.linalg.norm(root[-1] - root[0]))
         seconds = float(np.ptp(clip.times[found.frames]))
@@ -162,5 +162,5 @@ def test_the_belt_speed_of_a_real_treadmill_agrees_with_markers(captures, tmp_pa
     ingest(captures / "lab_opensim_gait" / file, tmp_path)
     convert(tmp_path)
     found = bouts_of(on_nodes(read_converted(tmp_path)))
-    assert found and all(one.way.source == "feet" for one in found)
+    assert found and all(one.path.source == "feet" for one in found)
     assert max(found, key=lambda one: one.cycles).speed == pytest.approx(speed, rel=0.05)

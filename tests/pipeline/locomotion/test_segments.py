@@ -77,3 +77,10 @@ def test_an_unknown_name_gives_one_line_with_the_names(clip: Clip) -> None:
 def test_times_outside_the_capture_give_one_line_with_its_times(clip: Clip) -> None:
     with pytest.raises(KinemimicError, match=r"found none; the capture has 0\.0 to 16\.0 s"):
         only_segment(clip, clip.positions, "90-99")
+
+
+def test_a_segment_shorter_than_a_pass_that_ingest_keeps_is_refused(clip: Clip) -> None:
+    with pytest.raises(
+        KinemimicError, match=r"--segment: expected at least 0\.5 s of a pass, found 0\.\d+ s"
+    ):
+        only_segment(clip, clip.positions, "2.0-2.1")

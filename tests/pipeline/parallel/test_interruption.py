@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pty
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -31,3 +33,22 @@ def test_closing_the_terminal_lets_work_finish(tmp_path: Path) -> None:
     os.close(terminal)
     assert os.waitpid(child, 0)[1] == 0
     assert (tmp_path / "saved").read_text() == "saved, asked: True"
+
+
+def test_sigterm_cleans_up() -> None:
+    code = """
+import time
+from kinemimic.pipeline.parallel.interruption import ended_by_sigterm
+with ended_by_sigterm():
+    try:
+        print("ready", flush=True)
+        time.sleep(30)
+    finally:
+        print("clean", flush=True)
+"""
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    process.terminate()
+    out, _ = process.communicate(timeout=30)
+    assert (out, process.returncode) == ("clean\n", 128 + signal.SIGTERM)

@@ -61,14 +61,37 @@ def test_a_jump_of_the_clock_ends_a_pass(node_clip: Build) -> None:
     assert reasons == ["no frame for 0.63 s"]
 
 
-def test_a_frozen_pose_is_no_subject(node_clip: Build) -> None:
+def test_a_pose_that_repeats_for_long_is_no_subject(node_clip: Build) -> None:
     clip = node_clip(90)
-    clip.positions[30:40] = clip.positions[29]
-    assert spans(clip) == [(0, 29), (40, 89)]
-    assert not find_passes(clip).complete[30:40].any()
-    shorter = node_clip(90)
-    shorter.positions[30:34] = shorter.positions[29]
-    assert spans(shorter) == [(0, 89)]
+    clip.positions[30:51] = clip.positions[29]
+    assert spans(clip) == [(0, 29), (51, 89)]
+    assert not find_passes(clip).complete[30:51].any()
+    reasons = [event.reason for event in find_passes(clip).events if event.state is State.LOST]
+    assert reasons == ["the last pose repeats for more than 0.2 s: nobody seen"]
+    at_the_end = node_clip(90)
+    at_the_end.positions[..., 0] += at_the_end.times[:, None]
+    at_the_end.positions[60:] = at_the_end.positions[59]
+    assert spans(at_the_end) == [(0, 59)]
+
+
+def test_a_sensor_that_freezes_for_a_moment_does_not_end_a_pass(node_clip: Build) -> None:
+    """The body goes on where it has got to meanwhile: at 120 Hz that is a jump within one frame."""
+    for frames in (4, 10):
+        clip = node_clip(90)
+        clip.positions[30 : 30 + frames] = clip.positions[29]
+        assert spans(clip) == [(0, 89)]
+    fast = node_clip(400, rate=120.0)
+    fast.positions[..., 0] += 1.4 * fast.times[:, None]
+    fast.positions[100:140] = fast.positions[99]
+    assert spans(fast) == [(0, 399)]
+    assert not find_passes(fast).complete[100:140].any()
+
+
+def test_a_body_in_another_place_for_a_moment_does_not_end_a_pass(node_clip: Build) -> None:
+    clip = node_clip(90)
+    clip.positions[[20, 40, 42]] += [0.0, 1.8, 0.0]
+    assert spans(clip) == [(0, 89)]
+    assert np.flatnonzero(~find_passes(clip).complete).tolist() == [20, 40, 42]
 
 
 def test_a_still_recording_has_no_person(node_clip: Build) -> None:

@@ -32,6 +32,7 @@ FRAMES = 24
 SECONDS = 20
 MEMORY = 400 * 2**20
 NO_FORMATS = {
+    "asymmetry",
     "bouts",
     "c3d",
     "converted",

@@ -8,7 +8,13 @@ import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
-from kinemimic.pipeline.run_folder.capture import capture_files, default_run, only_run, require_same_capture
+from kinemimic.pipeline.run_folder.capture import (
+    capture_files,
+    default_run,
+    only_run,
+    require_same_capture,
+    run_flag,
+)
 from kinemimic.pipeline.run_folder.stage import stage
 
 
@@ -76,3 +82,14 @@ def test_the_only_run_folder_is_the_default(tmp_path: Path, monkeypatch: pytest.
     (tmp_path / "runs" / "study" / "run.json").write_text("{}")
     with pytest.raises(KinemimicError, match=r"one of its 2 run folders: runs.study, runs.walk"):
         only_run()
+
+
+def test_advice_names_the_folder_unless_commands_take_it_by_default(
+    walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_flag(Path("my run")) == " --run 'my run'"
+    ingested(Path("runs/walk"), walk)
+    assert run_flag(Path("runs/walk")) == run_flag(tmp_path / "runs" / "walk") == ""
+    ingested(Path("runs/other"), walk)
+    assert run_flag(Path("runs/walk")) == " --run runs/walk"

@@ -314,3 +314,13 @@ def test_writers_are_named() -> None:
     assert writer_of("scores.json") == "evaluate" and writer_of("other.json") is None
     written = [file for one in STAGES for file in one.writes]
     assert len(written) == len(set(written))
+
+
+def test_the_page_about_a_folder_stays_as_long_as_what_it_links_to(run: Path) -> None:
+    (run / "index.html").write_text("links")
+    make(run, "train")
+    make(run, "gait")
+    assert (run / "index.html").exists()
+    make(run, "train", "another")
+    assert (run / "outdated").is_dir()
+    assert not (run / "index.html").exists()

@@ -93,3 +93,11 @@ def test_only_feet_that_stand_carry() -> None:
     centre = centre_of_mass(positions, frames)[:, 1]
     assert (centre > left.min(axis=1)).all()
     assert upright(rotations, root, np.ones((FRAMES, 2), dtype=np.bool_))[2] == 0.0
+
+
+def test_a_short_part_of_a_walk_is_not_standing() -> None:
+    rotations, root = leaning(np.radians(10.0))
+    contacts = np.ones((FRAMES, 2), dtype=np.bool_)
+    walking = root + 0.4 * np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], FRAMES)
+    assert upright(rotations, walking, contacts, 60.0)[2] == 0.0
+    assert upright(rotations, walking, contacts, 10.0)[2] > 0.0

@@ -7,11 +7,11 @@ import pytest
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import sole_positions
-from kinemimic.retarget.feet.ground import GRAVITY
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.feet.zero_moment_point import LARGEST, balanced, zero_moment_point
 from kinemimic.retarget.formats.motion_json import read_motion_json

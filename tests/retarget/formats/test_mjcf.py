@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_euler
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.formats.mjcf import humanoid_mjcf
@@ -13,7 +14,7 @@ from kinemimic.retarget.humanoid.body import BODIES, STANDING_HEIGHT, TOTAL_MASS
 from kinemimic.retarget.humanoid.limits import LIMITS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
-from kinemimic.train.sim.world import FRICTION, GRAVITY, TIME_STEP
+from kinemimic.train.sim.world import FRICTION, TIME_STEP
 
 
 @pytest.fixture(scope="module")

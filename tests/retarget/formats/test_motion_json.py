@@ -148,3 +148,15 @@ def test_a_file_that_is_no_motion_is_refused(tmp_path: Path, text: str) -> None:
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="found none"):
         read_motion_json(tmp_path / "motion.json")
+
+
+def test_a_list_is_called_a_list(tmp_path: Path) -> None:
+    (tmp_path / "motion.json").write_text("[]")
+    with pytest.raises(KinemimicError, match=r"expected a motion \(an object in JSON\), found a list; run"):
+        read_motion_json(tmp_path / "motion.json")
+
+
+def test_bytes_that_are_no_text_are_told(tmp_path: Path) -> None:
+    (tmp_path / "motion.json").write_bytes(b"\xff\xfe")
+    with pytest.raises(KinemimicError, match="expected JSON, found bytes that are no text in UTF-8"):
+        read_motion_json(tmp_path / "motion.json")

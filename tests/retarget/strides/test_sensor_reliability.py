@@ -66,3 +66,21 @@ def test_knees_are_moved_into_the_plane_of_hip_ankle_and_heading():
     normal = np.cross(ankle - hip, [1.0, 0, 0])
     assert np.sum(normal * (knee - hip), axis=-1) == pytest.approx(np.zeros(5), abs=1e-12)
     assert moved[:, N["hip_left"]] == pytest.approx(p[:, N["hip_left"]])
+
+
+def test_a_trunk_that_leans_back_does_not_extend_the_hips_beyond_their_range(walker):
+    """As of a sensor that has the hips in front of their place."""
+    strides = strides_of(walker(seconds=4.4, noise=0.03).clip)
+    p = strides.positions.copy()
+    above = [k for k, node in enumerate(NODES) if node.split("_")[0] in ABOVE]
+    p[:, above] -= [0.16, 0.0, 0.0]
+    reliability = assess_reliability(type(strides)(**{**vars(strides), "positions": p}))
+    assert not reliability.pelvis
+    assert np.degrees(reliability.lean) < -14.0
+    # The thighs reach 17 degrees behind the vertical, and a hip extends by 28.
+    assert np.degrees(reliability.pitch) == pytest.approx(-11.0, abs=3.0)
+
+
+def test_a_neutral_pelvis_of_a_usual_walk_has_the_lean_of_the_trunk(walker):
+    reliability = assess_reliability(strides_of(walker(seconds=4.4, noise=0.03).clip))
+    assert not reliability.pelvis and reliability.pitch == reliability.lean

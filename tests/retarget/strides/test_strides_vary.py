@@ -78,7 +78,7 @@ def test_a_real_person_on_an_accelerating_treadmill(captures, tmp_path):
     convert(tmp_path)
     bouts = bouts_of(on_nodes(read_converted(tmp_path)))
     longest = max(bouts, key=lambda one: one.cycles)
-    assert longest.pass_number == 0 and longest.way.source == "feet"
+    assert longest.pass_number == 0 and longest.path.source == "feet"
     assert 120.0 / longest.period == pytest.approx(181.0, abs=3.0)
     assert sum(one.cycles for one in bouts if one.pass_number == 0) == pytest.approx(74.0, abs=1.0)
     assert select_bouts(bouts).bouts

@@ -37,6 +37,7 @@ from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.export_onnx import write_onnx
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import training_loop as rounds
+from kinemimic.train.runner.checkpoint import CHECKPOINT
 from kinemimic.train.task.timer import Timer
 
 RIVALS = [name for name, config in PRESETS.items() if config.baseline]
@@ -100,7 +101,7 @@ def in_round(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
 def same_result(run: Path, other: Path) -> None:
     assert (run / "policy.safetensors").read_bytes() == (other / "policy.safetensors").read_bytes()
     assert without_clock(run / "policy.json") == without_clock(other / "policy.json")
-    ours, theirs = (load_file(folder / stage.CHECKPOINT) for folder in (run, other))
+    ours, theirs = (load_file(folder / CHECKPOINT) for folder in (run, other))
     assert ours.keys() == theirs.keys()
     assert {name for name in ours if ours[name].tobytes() != theirs[name].tobytes()} == set()
 
@@ -136,7 +137,7 @@ def test_another_seed_is_another_policy_and_keeps_the_checkpoint_aside(
 ) -> None:
     run, config = fresh("run"), small(name)
     train(run, config, ROUND)
-    policy, saved = ((run / file).read_bytes() for file in ("policy.safetensors", stage.CHECKPOINT))
+    policy, saved = ((run / file).read_bytes() for file in ("policy.safetensors", CHECKPOINT))
     train(run, replace(config, seed=1), ROUND)
     assert (run / "policy.safetensors").read_bytes() != policy
     assert (run / stage.PREVIOUS).read_bytes() == saved
@@ -206,9 +207,9 @@ def test_a_spoilt_rival_stops_with_one_line(
         return explore(model, config, samples)
 
     monkeypatch.setattr(baseline, "set_exploration", spoiling)
-    with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{stage.CHECKPOINT} "):
+    with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{CHECKPOINT} "):
         train(run, small("ddpg"))
-    assert all(np.isfinite(array).all() for array in load_file(run / stage.CHECKPOINT).values())
+    assert all(np.isfinite(array).all() for array in load_file(run / CHECKPOINT).values())
 
 
 def test_noise_follows_the_schedule_of_ours(motion: Motion) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
     angle_between,
@@ -19,7 +20,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.dynamics import InverseDynamics, inverse_dynamics
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import GRAVITY, SUBSTEPS
+from kinemimic.train.sim.world import SUBSTEPS
 
 WEIGHT = TOTAL_MASS * GRAVITY
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.residual import residual
-from kinemimic.train.sim.world import FRICTION, GRAVITY
+from kinemimic.train.sim.world import FRICTION
 
 
 def moved(root: np.ndarray) -> Motion:

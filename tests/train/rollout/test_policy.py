@@ -47,7 +47,7 @@ def test_a_damaged_policy_is_one_clear_line(tmp_path: Path, learner) -> None:
         Policy.load(path)
     export(*learner).save(path, RECORD)
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(KinemimicError, match="expected a policy"):
+    with pytest.raises(KinemimicError, match="found a file that is cut off or damaged; train again"):
         Policy.load(path)
 
 

@@ -33,6 +33,7 @@ from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner import training_loop as rounds
+from kinemimic.train.runner.checkpoint import CHECKPOINT
 from kinemimic.train.runner.policy_file import PREVIOUS_POLICY
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.timer import Timer
@@ -110,7 +111,7 @@ def curves(run: Path) -> dict[str, list[tuple[int, float]]]:
 def same_result(run: Path, other: Path) -> None:
     assert (run / "policy.safetensors").read_bytes() == (other / "policy.safetensors").read_bytes()
     assert without_clock(run / "policy.json") == without_clock(other / "policy.json")
-    ours, theirs = (load_file(folder / stage.CHECKPOINT) for folder in (run, other))
+    ours, theirs = (load_file(folder / CHECKPOINT) for folder in (run, other))
     assert ours.keys() == theirs.keys()
     assert {name for name in ours if ours[name].tobytes() != theirs[name].tobytes()} == set()
     assert curves(run) == curves(other)
@@ -146,7 +147,7 @@ def test_the_best_policy_so_far_is_a_file_from_the_first_evaluation_on(
     _, policy, record = load_trained(cut)
     assert (record["finished"], record["samples"], record["config"]["budget"]) == (False, 3 * ROUND, BUDGET)
     assert [one["samples"] for one in record["evaluations"]] == [2 * ROUND]
-    kept = load_file(cut / stage.CHECKPOINT)
+    kept = load_file(cut / CHECKPOINT)
     assert all(np.array_equal(kept[f"best.{name}"], value) for name, value in policy.tensors().items())
     stage.train(cut, budget=BUDGET, workers=2, engine=engine)
     same_result(straight, cut)
@@ -168,7 +169,7 @@ def test_a_killed_training_leaves_its_best_policy(
         in_update(patched, 5, die)
         with pytest.raises(Killed):
             stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
-    assert not (run / stage.CHECKPOINT).exists()
+    assert not (run / CHECKPOINT).exists()
     record = load_trained(run)[2]
     assert (record["finished"], record["samples"]) == (False, 4 * ROUND)
     # It is of no training that finished, so the next one replaces it.
@@ -203,7 +204,7 @@ def test_a_second_signal_stops_at_once_and_saves_nothing(
     in_update(monkeypatch, 1, twice)
     with pytest.raises(KeyboardInterrupt):
         stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
-    assert not (run / stage.CHECKPOINT).exists()
+    assert not (run / CHECKPOINT).exists()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
@@ -235,7 +236,7 @@ def test_what_is_no_number_stops_it_and_the_good_checkpoint_stays(
             return samples
 
         patched.setattr(InlineWorkers, "sample", spoilt)
-        with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{stage.CHECKPOINT} "):
+        with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{CHECKPOINT} "):
             stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
     check_files(run)
     stage.train(run, budget=BUDGET, workers=1, engine="pybullet")

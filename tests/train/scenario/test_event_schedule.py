@@ -10,6 +10,7 @@ import pytest
 from peers.elsewhere import turned
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
@@ -18,7 +19,7 @@ from kinemimic.train.scenario.event_schedule import EventSchedule, draw_event_sc
 from kinemimic.train.scenario.overlap import distance, obstacles_overlap, overlapping_body
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
-from kinemimic.train.sim.world import GRAVITY, BodyStates, Obstacle
+from kinemimic.train.sim.world import BodyStates, Obstacle
 
 TORSO = BODY_INDEX["torso"]
 PULL = Load("torso", Range.of(1.0), Range.of(0.5), force=Range.of(100.0, 10.0, 0.0))

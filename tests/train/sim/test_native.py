@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_rotvec, multiply, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import GRAVITY, SUBSTEPS, TIME_STEP
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP
 
 native = pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
 from kinemimic.train.sim.native_world import SETTINGS, NativeWorld, description  # noqa: E402 (needs the extension)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from peers.stance import HOLD, STEP, upright
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import angle_between, normalize
 from kinemimic.retarget.humanoid.body import BODY_INDEX, TOTAL_MASS
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import GRAVITY, TIME_STEP, Obstacle, World
+from kinemimic.train.sim.world import TIME_STEP, Obstacle, World
 
 BALL = Obstacle("sphere", (0.2, 0.2, 0.2), (0.0, 0.0, 1.8), mass=0.2)
 TILTED = (0.1, 0.3, 0.2, 0.86**0.5)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from peers.stance import HOLD, MASSES, STEP, momentum, upright
 
+from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_rotvec, multiply
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import GRAVITY, SUBSTEPS, TIME_STEP, Poses, World
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, Poses, World
 
 
 def test_reset_puts_every_body_where_the_reference_has_it(world: World, motion) -> None:

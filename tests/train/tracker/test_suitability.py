@@ -47,3 +47,26 @@ def test_a_body_near_the_ground_is_named(walk: Motion, sunk: float, found: str |
 def test_stairs_are_named(walk: Motion) -> None:
     rise = np.linspace(0.0, 0.4, len(walk.root))[:, None] * np.array([0.0, 0.0, 1.0])
     assert unsuitable(replace(walk, root=walk.root + rise)) == "hips that climb or sink by 0.40 m"
+
+
+@pytest.mark.parametrize(
+    ("stride", "angle", "certain", "suitable"),
+    [
+        (0.32, 12.2, True, False),
+        (-0.21, -8.1, True, False),
+        (0.08, 3.0, True, True),
+        (0.32, 12.2, False, True),
+    ],
+)
+def test_a_loop_of_stairs_is_named_by_its_capture(
+    walk: Motion, stride: float, angle: float, certain: bool, suitable: bool
+) -> None:
+    climb = {"stride_m": stride, "angle_deg": angle, "total_m": 7.0 * stride, "certain": certain}
+    found = unsuitable(walk, {"climb": climb})
+    assert (found is None) == suitable
+    if found is not None:
+        assert f"{7.0 * abs(stride):.2f} m in the capture, at {abs(angle):.0f}°" in found
+
+
+def test_a_report_of_an_earlier_version_says_nothing_of_a_climb(walk: Motion) -> None:
+    assert unsuitable(walk, {}) is None

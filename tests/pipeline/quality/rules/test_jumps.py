@@ -11,6 +11,7 @@ import pytest
 from kinemimic.pipeline.filters.fill import fill_gaps
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.quality.rules import gaps, jumps
 
 Moving = Callable[..., Clip]
@@ -67,3 +68,22 @@ def test_euler_captures_are_flagged(moving: Moving) -> None:
     euler = replace(clip, euler=np.zeros(clip.positions.shape), orders=("ZYX",) * 20)
     same, (found,) = jumps.repair(euler)
     assert same is euler and found.action == "flagged"
+
+
+def test_a_displaced_body_is_taken_out_and_filled(moving: Moving) -> None:
+    """Twelve frames 1.8 m away: one pass, and the positions of the walk."""
+    clip = moving(230, noise=0.002)
+    wrong = [21, 45, 47, 56, 98, 133, 150, 151, 170, 190, 205, 220]
+    broken = replace(clip, positions=clip.positions.copy())
+    broken.positions[wrong] += [1.5, 0.0, 1.0]
+    checked = check_capture(broken)
+    (found,) = checked.defects
+    assert (found.rule, found.count, found.unit, found.action) == ("jumps", 12, "frames", "repaired")
+    assert checked.acquisition.count == 1
+    assert np.flatnonzero(np.isnan(checked.clip.positions).all(axis=(1, 2))).tolist() == wrong
+    filled, _ = fill_gaps(checked.clip.positions, checked.clip.times, checked.clip.passes)
+    assert np.linalg.norm(filled - clip.positions, axis=-1).max() < 0.12
+    channels = replace(broken, euler=np.full(clip.positions.shape, 0.1), orders=("ZYX",) * 20)
+    mask = np.isin(np.arange(230), wrong)
+    same, (flagged,) = jumps.repair_body(channels, mask)
+    assert same is channels and flagged.action == "flagged"

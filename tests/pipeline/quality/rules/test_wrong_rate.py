@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,7 @@ from kinemimic.pipeline.kinematics.body_points import nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.rules import wrong_rate
+from kinemimic.pipeline.readers import recognise
 
 Moving = Callable[..., Clip]
 
@@ -67,3 +69,38 @@ def test_no_stride_without_a_gait(moving: Moving, node_clip: Moving) -> None:
         squat[:, N[f"{joint}_right"]] = squat[:, N[f"{joint}_left"]] + [0.0, -0.2, 0.0]
     assert wrong_rate.stride_duration(squat, clip.times) is None
     assert wrong_rate.stride_duration(nodes_of(clip)[:20], clip.times[:20]) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "flagged"),
+    [
+        ("07_12", 1.0, False),  # 1.8 m/s, 138 steps/min
+        ("07_12", 1.2, False),  # 2.1 m/s, 164: a swinging foot is two and a half to three times as fast
+        ("07_08", 2.0, False),  # 2.6 m/s, 191 steps/min of 0.8 m on a leg of 0.74 m, as race walkers make
+        ("07_05", 2.0, False),  # a slow walk at twice its rate is a brisk one
+        ("07_12", 2.0, True),
+        ("07_01", 2.0, True),
+        ("02_02", 2.0, True),
+        ("07_01", 0.4, True),  # a stride takes 2.7 s
+    ],
+)
+def test_recorded_walks_at_other_rates(captures: Path, name: str, factor: float, *, flagged: bool) -> None:
+    path = captures.parent / "corpus" / "cmu_bvh" / f"{name}.bvh"
+    if not path.is_file():
+        pytest.skip("no corpus of walks beside the captures")
+    clip = recognise.read(path)
+    found = wrong_rate.detect(replace(clip, times=clip.times / factor))
+    assert [defect.rule for defect in found] == ["wrong_rate"] * flagged
+
+
+def test_without_a_known_stride_only_higher_speeds_are_doubted(moving: Moving) -> None:
+    """A stride or less of a quick walk: its cadence is not known."""
+    walk = moving(240)
+    period = wrong_rate.stride_duration(nodes_of(walk), walk.times)
+    assert period is not None
+    frames = int(1.5 * period * walk.rate)
+    clip = replace(moving(frames), passes=walk.passes[:frames])
+    speed = wrong_rate.ankle_speed(nodes_of(clip), clip.times)
+    assert wrong_rate.detect(replace(clip, times=clip.times * speed / 6.0)) == []
+    (found,) = wrong_rate.detect(replace(clip, times=clip.times * speed / 9.0))
+    assert "may be lower" in found.text

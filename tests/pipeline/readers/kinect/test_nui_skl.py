@@ -10,6 +10,7 @@ import pytest
 from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
@@ -172,6 +173,57 @@ def test_other_joints_or_no_states_are_no_recorders_table(skl: Text) -> None:
         assert not nui_skl.recognises(source_of(text, PATH))
 
 
+def with_columns(text: str, names: list[str]) -> str:
+    """The table with more columns, of numbers that are no states."""
+    head, *rows = text.replace("\r\n", "\n").strip().split("\n")
+    return "\n".join(["\t".join([head, *names]), *("\t".join([row, *["7.5"] * len(names)]) for row in rows)])
+
+
+def test_columns_of_other_things_are_not_read(skl: Text) -> None:
+    """A ball beside the person: three columns like a joint's."""
+    plain = nui_skl.read(source_of(skl().replace("\r\n", "\n"), PATH))
+    text = with_columns(skl(), ["HeartRate", "Ball_X", "Ball_Y", "Ball_Z"])
+    clip = recognise.read_source(source_of(text, PATH))
+    assert np.array_equal(clip.positions, plain.positions)
+    assert clip.provenance["reading"]["notes"] == ["no joints of a Kinect v1, not read: Ball"]
+
+
+def test_words_in_other_columns_are_not_read(skl: Text) -> None:
+    plain = nui_skl.read(source_of(skl().replace("\r\n", "\n"), PATH))
+    for separator, comment in ((",", '"well, then"'), (";", "well"), ("\t", "well then"), (",", "")):
+        head, *rows = skl().replace("\r\n", "\n").replace("\t", separator).strip().split("\n")
+        lines = [f"Comment{separator}{head}", *(f"{comment}{separator}{row}" for row in rows)]
+        clip = recognise.read_source(source_of("\n".join(lines), PATH))
+        assert np.array_equal(clip.positions, plain.positions)
+
+
+@pytest.mark.parametrize("without", [("Hand",), ("Foot",), ("Head",), ("Shoulder", "Elbow", "Wrist", "Hand")])
+def test_joints_that_can_be_derived_need_no_columns(skl: Text, without: tuple[str, ...]) -> None:
+    def shorter(names: list[str]) -> list[str]:
+        return [name for name in names if not name.startswith(without) or name.startswith("ShoulderCenter")]
+
+    clip = recognise.read_source(source_of(skl(columns=shorter), PATH))
+    full = nui_skl.read(source_of(skl(), PATH))
+    kept = [NODES.index(name) for name in clip.skeleton.names]
+    assert len(kept) < len(NODES)
+    assert np.array_equal(clip.positions, full.positions[:, kept])
+    positions, _ = to_nodes(clip)
+    assert np.isfinite(positions).all()
+    assert set(derived_nodes(clip)) == set(NODES) - set(clip.skeleton.names)
+    assert f"no columns of {without[0]}" in clip.provenance["reading"]["notes"][-1]
+
+
+def test_legs_need_columns(skl: Text) -> None:
+    def kneeless(names: list[str]) -> list[str]:
+        return [name for name in names if not name.startswith("KneeLeft")]
+
+    with pytest.raises(CaptureError, match=r"found no columns of KneeLeft; .*`kinemimic inspect --suggest"):
+        nui_skl.read(source_of(skl(columns=kneeless).replace("\r\n", "\n"), PATH))
+    renamed = skl().replace("\r\n", "\n").replace("KneeLeft", "KneeLft")
+    with pytest.raises(CaptureError, match="found no columns of KneeLeft beside KneeLft;"):
+        nui_skl.read(source_of(renamed, PATH))
+
+
 def test_the_clock_is_the_captures_own(skl: Text) -> None:
     clip = nui_skl.read(source_of(skl(3, times_ms=[18930265, 18930297, 18930333]), PATH))
     assert clip.times.tolist() == pytest.approx([18930.265, 18930.297, 18930.333])
@@ -180,8 +232,14 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.replace("KneeLeft_Y", "Knee_Y"), "walk.skl, line 1: .* 20 joints .*found 21 joints"),
-        (lambda t: t.replace("KneeLeft_Y", "Other"), "walk.skl, line 1: .*found no column KneeLeft_Y$"),
+        (
+            lambda t: t.replace("KneeLeft_Y", "Knee_Y"),
+            "walk.skl, line 1: .* 20 joints, found no column KneeLeft_Y;",
+        ),
+        (
+            lambda t: t.replace("KneeLeft_Y", "Other"),
+            "walk.skl, line 1: .*found no column KneeLeft_Y; .* --suggest FILE",
+        ),
         (lambda t: t.replace("\n99\t", "\nx99\t"), "line 5: expected a number, found 'x99'"),
         (lambda t: t.replace("\n99\t", "\nnan\t"), "line 5: expected a timestamp"),
         (lambda t: t.replace("\n99\t", "\n99\t7\t"), "line 5: expected 86 numbers, found 87$"),

@@ -34,7 +34,9 @@ def test_bones_are_joints() -> None:
         assert np.abs(off).max() < 1e-8
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("Meters", 1.0), ("Centimeters", 100.0)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("Meters", 1.0), ("Centimeters", 100.0), ("Inches", 1.0 / 0.0254)]
+)
 def test_the_unit_is_the_headers(unit: str, factor: float) -> None:
     places = {name: factor * place for name, place in sample.bones(FRAMES).items()}
     clip = read(sample.text("Bone", places, unit=unit))

@@ -79,6 +79,12 @@ def test_both_sections_in_either_order() -> None:
     assert np.allclose(clip.angles["knee_left"], np.radians(7.0))
 
 
+def test_the_unit_by_its_word() -> None:
+    """An export that says "in" and means inches: lengths are those of a leg of 0.8 / 0.0254."""
+    clip = read([line.replace("mm", "in") if k == 4 else line for k, line in enumerate(TRAJECTORIES)])
+    assert clip.provenance["reading"]["units"] == "inch"
+
+
 def test_a_gap_in_the_frames_is_a_gap_in_the_times() -> None:
     clip = read([*OUTPUTS[:20], *OUTPUTS[25:]])
     assert np.diff(clip.times).max() == pytest.approx(6.0 / sample.RATE)

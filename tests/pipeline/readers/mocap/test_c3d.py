@@ -78,6 +78,26 @@ def test_axes_units_and_points_other_than_markers() -> None:
     assert_is_the_walk(read(written([*labels, "LKneeMoment"], forces, rate=RATE, units="mm")), 1e-6)
 
 
+@pytest.mark.parametrize(
+    ("word", "metres"),
+    [
+        ("in", 0.0254),
+        ("Inches", 0.0254),
+        ("ft", 0.3048),
+        ("feet", 0.3048),
+        ("dm", 0.1),
+        ("millimeters", 0.001),
+    ],
+)
+def test_units_by_their_words(word: str, metres: float) -> None:
+    places = markers(in_sight(walk(30, RATE)))
+    points = np.stack(list(places.values()), axis=1) / metres
+    clip = read(written(list(places), points, rate=RATE, units=word, Y_SCREEN=["+Z"]))
+    assert_is_the_walk(clip, 1e-5)
+    assert clip.provenance["reading"]["units_rule"] == "the file's"
+    assert rules(clip) == []
+
+
 @pytest.mark.parametrize(("units", "times"), [("mm", 1.0), ("m", 1000.0), ("cm", 1.0)])
 def test_markers_in_another_unit_than_declared(units: str, times: float) -> None:
     places = markers(in_sight(walk(30, RATE)))

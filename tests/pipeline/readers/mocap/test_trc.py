@@ -74,7 +74,9 @@ def test_units_of_the_header() -> None:
     clip = read("\n".join(metres))
     assert np.allclose(clip.positions, read(TEXT).positions, atol=2e-9)
     assert clip.provenance["reading"]["units"] == "m"
-    with pytest.raises(CaptureError, match="expected Units of mm, cm, m in the header, found 'furlong'"):
+    with pytest.raises(
+        CaptureError, match="expected Units of mm, cm, m, dm, inch, ft in the header, found 'furlong'"
+    ):
         read(TEXT.replace("\tmm\t", "\tfurlong\t"))
 
 
@@ -123,7 +125,9 @@ def test_values_and_names_may_be_set_apart_by_any_number_of_tabs() -> None:
     # A value that is missing is still none.
     missing = parts.copy()
     missing[2] = parts[2].replace("\tmm\t", "\t\t")
-    with pytest.raises(CaptureError, match="expected Units of mm, cm, m in the header, found none"):
+    with pytest.raises(
+        CaptureError, match="expected Units of mm, cm, m, dm, inch, ft in the header, found none"
+    ):
         read("\n".join(missing))
 
 

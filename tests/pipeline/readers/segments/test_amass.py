@@ -113,8 +113,12 @@ def infinite(arrays: Arrays) -> Arrays:
             r"expected a rate of 1 to 1000 Hz in mocap_framerate, found \[0.0\]",
         ),
         (
-            put("trans", np.full((60, 3), 1e4)),
-            "frame 0: expected metres of at most 100 in trans, found 10000",
+            put("trans", np.full((60, 3), 1e6)),
+            r"frame 0: expected metres of at most 1e\+05 in trans, found 1e\+06",
+        ),
+        (
+            put("trans", np.eye(60, 3) * 1e4),
+            "frame 0: expected metres, at most 100, in trans, found 10000",
         ),
         (infinite, "frame 7: expected radians of at most 25.13 in poses, found inf"),
         (put("trans", np.array([object()])), r"expected numbers or words in trans, found"),

@@ -1,4 +1,4 @@
-"""Which parts of a live capture are to be trusted, by what it has shown in the last seconds.
+"""Which parts of a live capture are reliable, by what it has shown in the last seconds.
 
 Offline, `strides/sensor_reliability.py` decides from whole strides. Here the same limits hold for bone
 lengths and widths of the last SECONDS, and a part fades from measured to neutral and back.
@@ -20,7 +20,7 @@ FADE = 0.1  # of the weight per moment
 _HYSTERESIS = 1.3
 
 
-class Trust:
+class LiveReliability:
     """precise: the legs are accurate to a centimetre; pelvis, torso: weights 0 (neutral) to 1 (measured).
 
     bones: (4,) m, median lengths of thighs and shanks.

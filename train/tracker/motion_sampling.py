@@ -23,7 +23,7 @@ class Outcome(NamedTuple):
     steps: int
 
 
-class ClipStatistics:
+class MotionStatistics:
     """Moving means of M motions.
 
     failures: (M,) share of failed episodes, 1 before the first one; lengths: (M,) steps of an episode.

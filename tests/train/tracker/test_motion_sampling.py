@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.train.tracker.clip_sampling import FLOOR, RATE, ClipStatistics, Outcome
+from kinemimic.train.tracker.motion_sampling import FLOOR, RATE, MotionStatistics, Outcome
 
 
-def statistics(failures: list[float], lengths: list[float]) -> ClipStatistics:
-    found = ClipStatistics(len(failures), 1.0)
+def statistics(failures: list[float], lengths: list[float]) -> MotionStatistics:
+    found = MotionStatistics(len(failures), 1.0)
     found.failures, found.lengths = np.array(failures), np.array(lengths)
     return found
 
@@ -30,7 +30,7 @@ def test_without_failures_all_motions_are_alike() -> None:
 
 
 def test_failures_and_lengths_are_moving_means() -> None:
-    found = ClipStatistics(2, 100.0)
+    found = MotionStatistics(2, 100.0)
     found.update([Outcome(0, False, 300), Outcome(1, True, 20), Outcome(0, False, 300)])
     np.testing.assert_allclose(found.failures, [(1.0 - RATE) ** 2, 1.0])
     np.testing.assert_allclose(found.lengths, [300.0 - 200.0 * (1.0 - RATE) ** 2, 100.0 - 80.0 * RATE])

@@ -1,0 +1,22 @@
+"""The type of every option that takes a number with a fraction: finite, and within a range."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+
+class FiniteRange(click.FloatRange):
+    """As click.FloatRange, which takes nan for in range and inf for below no maximum; both are refused."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number; BadParameter, which names the option, for any other."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"expected a finite number{self._within()}, found {value}", param, ctx)
+        return number
+
+    def _within(self) -> str:
+        return f" in the range {self._describe_range()}" if (self.min, self.max) != (None, None) else ""

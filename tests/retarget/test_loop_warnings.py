@@ -1,0 +1,33 @@
+"""A loop that its strides do not follow is warned of."""
+
+from __future__ import annotations
+
+import pytest
+
+from kinemimic.retarget.loop_warnings import knee_warnings
+
+
+@pytest.mark.parametrize(
+    ("precise", "left", "warned"),
+    [(True, 0.97, False), (True, 0.83, False), (True, 0.70, True), (False, 0.45, False), (False, 0.19, True)],
+)
+def test_the_limit_depends_on_the_sensor(precise: bool, left: float, warned: bool) -> None:
+    """0.70 was standing in the loop of an optical capture; 0.83 and 0.33 are the least of real walks."""
+    report = {
+        "reliability": {"precise": precise},
+        "r2_loop_against_capture": {
+            "knee_left": left,
+            "knee_right": 0.99,
+            "hip_left": 0.1,
+            "hip_right": None,
+        },
+    }
+    found = knee_warnings(report)
+    assert bool(found) == warned
+    if warned:
+        assert f"left {left:.2f}" in found[0] and "right" not in found[0]
+
+
+def test_a_knee_without_a_score_is_not_warned_of() -> None:
+    report = {"reliability": {"precise": True}, "r2_loop_against_capture": {"knee_left": None}}
+    assert knee_warnings(report) == []
