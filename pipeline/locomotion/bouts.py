@@ -377,8 +377,8 @@ def _is_walk(
         amplitude = float(np.median([stride.amplitude for stride in strides if stride.walking]))
         return abs(speed) > MIN_SPEED or amplitude > MIN_STEP_AMPLITUDE
     travel = abs(speed) * (strides[-1].times[1] - strides[0].times[0])
-    # One wave of the ankles may be a kick, in which one foot stands.
-    both = min(reaches) > MIN_REACH_RATIO * max(reaches)
+    # One wave of the ankles may be a kick, in which one foot stands, or a few steps of a person who turns.
+    both = min(reaches) > MIN_REACH_RATIO * max(reaches) and not any(one.transition for one in strides)
     return (
         cycles >= MIN_CROSSING
         and share > MIN_SHARE

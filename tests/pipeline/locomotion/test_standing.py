@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,10 @@ from samples.bouts import bouts_of
 from samples.walker import in_place, stand_walk_stand, walker
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.store import read_clip
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.locomotion.bouts import find_bouts
 from kinemimic.pipeline.locomotion.standing import (
     INTO,
     OUT_OF,
@@ -52,6 +57,12 @@ def test_a_stop_between_two_walks_makes_two_bouts() -> None:
     for bout in bouts:
         assert [stride.transition for stride in bout.strides if stride.transition] == [OUT_OF, INTO]
         assert bout.used_strides == pytest.approx(3.0, abs=0.4)
+
+
+def test_a_few_steps_of_a_person_who_turns_and_stands_are_no_walk(sensors: Path, tmp_path: Path) -> None:
+    ingest(sensors / "mediapipe_csv" / "vokulovskiy_pose_landmarks.csv", tmp_path / "run")
+    clip = read_clip(tmp_path / "run" / "clip.parquet")
+    assert not find_bouts(clip.times, clip.passes, to_nodes(clip)[0])
 
 
 @pytest.mark.parametrize("period", [0.9, 1.1, 2.0])
