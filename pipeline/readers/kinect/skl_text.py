@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
@@ -182,9 +183,12 @@ def _plain(source: Source, header: Header) -> Source:
     """The table, line by line, without quotes and decimal commas, dates as seconds, and zeros for words in
     columns that are not read."""
     rows = source.lines[header.line :]
-    words = _columns_of_words(rows, header)
-    if words:
-        rows = list(_without(words, rows, header))
+    try:
+        words = _columns_of_words(rows, header)
+        if words:
+            rows = list(_without(words, rows, header))
+    except csv.Error as error:
+        raise KinemimicError(f"{source.path}: expected rows of numbers, found a {error}") from None
     dated = _has_dates(rows, header)
     decimal_commas = header.separator != "," and b"," in source.content
     if not (words or dated or decimal_commas or b'"' in source.content):

@@ -174,8 +174,11 @@ def _legs(labels: tuple[str, ...], members: list[int], points: Array) -> dict[st
 
 def _together(one: Mapping[str, Array], other: Mapping[str, Array]) -> bool:
     """Whether the legs are at the same places in the frames that have both."""
-    apart = _finite([np.linalg.norm(one[joint] - other[joint], axis=-1) for joint in one if joint in other])
-    shanks = _finite([np.linalg.norm(one[f"knee_{side}"] - one[f"ankle_{side}"], axis=-1) for side in SIDES])
+    with np.errstate(over="ignore"):  # damaged numbers, which are refused later
+        apart = _finite([np.linalg.norm(one[k] - other[k], axis=-1) for k in one if k in other])
+        shanks = _finite(
+            [np.linalg.norm(one[f"knee_{side}"] - one[f"ankle_{side}"], axis=-1) for side in SIDES]
+        )
     return bool(len(apart) and len(shanks) and np.median(apart) < _SAME_PLACE * np.median(shanks))
 
 
