@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.even_clock import RATE, EvenPass, even_pass
 from kinemimic.pipeline.locomotion.ground import ground_height
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.heading import along_heading, ankle_distance, body_heading
 from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, leg_bones
 from kinemimic.pipeline.locomotion.odometry import (
     MAX_ONE_FOOT,
@@ -144,9 +144,7 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     if even is None:
         return []
     heading, facing = body_heading(even.positions, RATE)
-    ankles = even.positions[:, N["ankle_right"]] - even.positions[:, N["ankle_left"]]
-    seen = even.seen[:, [N["ankle_left"], N["ankle_right"]]].all(axis=1)
-    apart = np.where(seen, along_heading(ankles, heading)[:, 0], np.nan)
+    ankles, seen, apart = ankle_distance(even.positions, even.seen, heading)
     phase = gait_phase(even.times, apart)
     if phase is None:
         return []
@@ -157,7 +155,7 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
             name: float(np.median([getattr(one, name) for one in walking]))
             for name in ("amplitude", "period")
         }
-        if halves := transitions(ankles, np.asarray(seen), phase, **usual):
+        if halves := transitions(ankles, seen, phase, **usual):
             again = gait_phase(even.times, apart, steady=steady_frames(phase, halves))
             if again is not None:
                 phase, halves = again, on_phase(halves, phase, again)

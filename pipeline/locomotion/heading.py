@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
@@ -93,3 +93,14 @@ def along_heading(vectors: Array, heading: Array) -> Array:
     cosine, sine = np.cos(heading).reshape(shape), np.sin(heading).reshape(shape)
     x, y, z = np.moveaxis(vectors, -1, 0)
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
+
+
+def ankle_distance(positions: Array, seen: Mask, heading: Array) -> tuple[Array, Mask, Array]:
+    """Vector (T, 3) from the left to the right ankle, (T,) whether both are seen, and its length (T,) along
+    the heading, NaN where they are not.
+
+    positions: (T, 20, 3) metres; seen: (T, 20); heading: (T,) radians.
+    """
+    ankles = positions[:, N["ankle_right"]] - positions[:, N["ankle_left"]]
+    both = np.asarray(seen[:, [N["ankle_left"], N["ankle_right"]]].all(axis=1))
+    return ankles, both, np.where(both, along_heading(ankles, heading)[:, 0], np.nan)

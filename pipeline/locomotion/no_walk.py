@@ -12,7 +12,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, is_precise
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.heading import ankle_distance, body_heading
 from kinemimic.pipeline.locomotion.odometry import choose_path, disagreements, foot_odometry
 from kinemimic.pipeline.locomotion.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.strides import cut_strides
@@ -44,9 +44,8 @@ def _reasons(times: Array, positions: Array, *, precise: bool) -> list[tuple[str
     if even is None:
         return []
     heading, facing = body_heading(even.positions, RATE)
-    ankles = even.positions[:, N["ankle_right"]] - even.positions[:, N["ankle_left"]]
-    seen = even.seen[:, [N["ankle_left"], N["ankle_right"]]].all(axis=1)
-    phase = gait_phase(even.times, np.where(seen, along_heading(ankles, heading)[:, 0], np.nan))
+    *_, apart = ankle_distance(even.positions, even.seen, heading)
+    phase = gait_phase(even.times, apart)
     if phase is None:
         return []
     strides = cut_strides(even.times, even.positions, heading, phase, facing=facing if precise else None)
