@@ -18,9 +18,10 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import read_truth
 from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, MIN_TRAVEL, Bout, find_bouts
+from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
 from kinemimic.pipeline.locomotion.no_walk import why_no_walk
 from kinemimic.pipeline.locomotion.segments import only_segment
+from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES, MIN_TRAVEL
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
 from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic

@@ -20,7 +20,7 @@ from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.even_clock import RATE, EvenPass, even_pass
 from kinemimic.pipeline.locomotion.ground import ground_height
 from kinemimic.pipeline.locomotion.heading import along_heading, ankle_distance, body_heading
-from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, leg_bones
+from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, is_precise, leg_angles, leg_bones
 from kinemimic.pipeline.locomotion.odometry import (
     MAX_ONE_FOOT,
     MAX_STRIDE_DISAGREEMENT,
@@ -29,29 +29,20 @@ from kinemimic.pipeline.locomotion.odometry import (
     disagreements,
     foot_odometry,
     is_running_pose,
+    steady_velocity,
 )
 from kinemimic.pipeline.locomotion.standing import INTO, OUT_OF, on_phase, steady_frames, transitions
 from kinemimic.pipeline.locomotion.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.strides import (
-    MAX_PERIOD_DEVIATION,
-    MIN_R2,
     Stride,
     cut_strides,
     frames_of,
     judge_strides,
     judged_span,
 )
-from kinemimic.pipeline.locomotion.upright import upright_axis
+from kinemimic.pipeline.locomotion.upright import levelling, upright_axis
+from kinemimic.pipeline.locomotion.walk_rule import is_walk
 
-MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
-# A bout: so many strides; or a part of a stride that advances so far (m), as of a runner who crosses the view
-# of a sensor.
-MIN_STRIDES, MIN_CROSSING, MIN_TRAVEL = 2.0, 0.75, 0.8
-MIN_SHARE = 0.5  # of the pass, that a part of a stride takes
-MIN_REACH_RATIO = 0.6  # of the ankles' movements about the hips, the smaller over the larger
-MIN_SPEED = 0.3  # m/s; at lower speeds, the walker steps on the spot
-MIN_STEP_AMPLITUDE = 0.12  # m: half the smallest stride of the ankles on the spot
-FEET_ERROR = 0.08  # of the speed of single strides by the feet
 MARGIN = 0.15  # cycles
 # Cycles (rms) by which strides may deviate from one period. The knee's peak in walking is so sharp that
 # pooling frames 0.02 cycles off lowers it by 1 degree.
@@ -130,14 +121,6 @@ def find_bouts(times: Array, passes: NDArray[np.int32], positions: Array) -> lis
     return found
 
 
-def is_precise(positions: Array) -> bool:
-    """Whether the leg bones of positions (T, 20, 3) keep their length, as in an optical recording."""
-    lengths = leg_bones(positions)
-    if not np.isfinite(lengths).any(axis=0).all():
-        return False
-    return bool((np.nanstd(lengths, axis=0) < MAX_BONE_SPREAD * np.nanmean(lengths, axis=0)).all())
-
-
 def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: bool) -> list[Bout]:
     """The bouts of one pass, with indices into its frames: times (T,), positions (T, 20, 3)."""
     even = even_pass(times, positions)
@@ -164,13 +147,13 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     up = np.tile([0.0, 0.0, 1.0], (len(phase), 1))
     if not precise:
         up = upright_axis(even.positions, heading, phase, frames_of(strides, phase))
-    level = rotate(_levelling(up)[:, None], even.positions)
+    level = rotate(levelling(up)[:, None], even.positions)
     ahead = along_heading(level - _middle(level)[:, None], heading)
     running = is_running_pose(ahead, phase, RATE)
     legs = [even.seen[:, [N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]].all(axis=1)
             for side in ("left", "right")]  # fmt: skip
     bad = impossible_legs(ahead, bones, running=running, precise=precise) | ~np.stack(legs, axis=1)
-    strides = judge_strides(strides, phase, _leg_angles(ahead), bad, compare=not precise)
+    strides = judge_strides(strides, phase, leg_angles(ahead), bad, compare=not precise)
     out = []
     groups = _groups(strides, heading, phase)
     while groups:
@@ -180,22 +163,6 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
         else:
             groups = found + groups
     return out
-
-
-def _leg_angles(positions: Array) -> Array:
-    """Angles (T, 2, 2) in radians of both legs: between thigh and shank, and of the thigh forward from
-    vertical.
-
-    positions: (T, 20, 3) with X ahead and Z up.
-    """
-    out = []
-    for side in ("left", "right"):
-        hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
-        thigh, shank = knee - hip, ankle - knee
-        across = np.linalg.norm(np.cross(thigh, shank), axis=-1)
-        bend = np.arctan2(across, np.sum(thigh * shank, axis=-1))
-        out.append(np.stack([bend, np.arctan2(thigh[:, 0], -thigh[:, 2])], axis=1))
-    return np.stack(out, axis=1)
 
 
 def _groups(strides: list[Stride], heading: Array, phase: Array) -> list[list[Stride]]:
@@ -275,13 +242,13 @@ def _bout(
     velocity = along_heading(np.column_stack([path.velocity, np.zeros(len(inside))]), heading)[:, :2]
     speed = float(np.mean(velocity[walking, 0]))
     if path.source == "feet":
-        velocity[:, 0] = _steady(velocity[:, 0], phase, speed)
+        velocity[:, 0] = steady_velocity(velocity[:, 0], phase, speed)
     share = len(inside) / len(even.times)
     # An optical laboratory has no camera that turns, and nobody walks backward on a treadmill.
     in_place_backward = precise and feet.backward and path.source == "feet"
     ahead = along_heading(level - root[:, None], heading)
     reaches = [float(np.std(ahead[walking, N[f"ankle_{side}"], 0])) for side in ("left", "right")]
-    if in_place_backward or not _is_walk(strides, path, speed, share, reaches):
+    if in_place_backward or not is_walk(strides, path, speed, share, reaches):
         return []
     # Positions in walking axes: the path is integrated along the heading, so that a curve is straightened.
     travelled = np.concatenate(
@@ -296,7 +263,7 @@ def _bout(
     exact_up = np.stack([np.interp(at, seconds, column) for column in up.T], axis=1)
     turn = multiply(
         from_axis_angle("Z", -exact_heading),
-        _levelling(exact_up / np.linalg.norm(exact_up, axis=1, keepdims=True)),
+        levelling(exact_up / np.linalg.norm(exact_up, axis=1, keepdims=True)),
     )
     place = np.stack(
         [np.interp(at, seconds, line) for line in (travelled[:, 0], travelled[:, 1], height)], axis=1
@@ -327,60 +294,8 @@ def _middle(positions: Array) -> Array:
     return np.asarray(0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]]))
 
 
-def _levelling(up: Array) -> Array:
-    """The shortest rotations (T, 4) that turn unit vectors up (T, 3) to +Z."""
-    axis = np.cross(up, np.array([0.0, 0.0, 1.0]))
-    return normalize(np.concatenate([axis, 1.0 + up[:, 2:]], axis=1))
-
-
-def _steady(velocity: Array, phase: Array, speed: float) -> Array:
-    """Forward velocity (T,) by the feet whose mean over each stride is the speed, if it hardly differs
-    anyway.
-    """
-    at = np.arange(len(phase))
-    early, late = (np.interp(phase + shift, phase, at) for shift in (-0.5, 0.5))
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))])
-    mean = (np.interp(late, at, way) - np.interp(early, at, way)) / np.maximum(late - early, 1.0)
-    # A part of a stride has another mean.
-    whole = np.interp(late, at, phase) - np.interp(early, at, phase) > 0.99
-    if not whole.any() or float(np.std(mean[whole])) > FEET_ERROR * abs(speed):
-        return velocity
-    return np.asarray(velocity + np.mean(mean[whole]) - np.interp(at, at[whole], mean[whole]))
-
-
 def _evened(values: Array, tolerance: float) -> Array:
     """Values (T,) on an even clock, replaced by a straight line if they deviate from it by less (rms)."""
     at = np.arange(len(values), dtype=np.float64)
     line = np.asarray(np.polyval(np.polyfit(at, values, 1), at), dtype=np.float64)
     return line if float(np.std(values - line)) < tolerance else values
-
-
-def _is_walk(
-    strides: list[Stride], path: GroundPath, speed: float, share: float, reaches: list[float]
-) -> bool:
-    """Whether strides of alternating feet are a walk or a run, over the ground or on the spot.
-
-    share: of the pass that they take; reaches: metres (rms) by which each ankle moves about the hips.
-    """
-    usual = float(np.median([stride.period for stride in strides if stride.walking]))
-    alike = [abs(stride.period - usual) <= MAX_PERIOD_DEVIATION * usual for stride in strides]
-    cycles = sum(
-        stride.cycles
-        for stride, same in zip(strides, alike, strict=True)
-        if stride.walking or (stride.transition and stride.r2 >= MIN_R2 and same)
-    )
-    if path.source == "neither":
-        return False
-    if cycles >= MIN_STRIDES:
-        amplitude = float(np.median([stride.amplitude for stride in strides if stride.walking]))
-        return abs(speed) > MIN_SPEED or amplitude > MIN_STEP_AMPLITUDE
-    travel = abs(speed) * (strides[-1].times[1] - strides[0].times[0])
-    # One wave of the ankles may be a kick, in which one foot stands, or a few steps of a person who turns.
-    both = min(reaches) > MIN_REACH_RATIO * max(reaches) and not any(one.transition for one in strides)
-    return (
-        cycles >= MIN_CROSSING
-        and share > MIN_SHARE
-        and abs(speed) > MIN_SPEED
-        and travel > MIN_TRAVEL
-        and (path.source == "recorded" or both)
-    )

@@ -1,4 +1,4 @@
-"""Legs that no walker has: missing, of another length, or bent beyond what a gait needs."""
+"""Lengths and angles of the legs, and legs that no walker has: missing, stretched, or bent too far."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
 # Where the bones keep their length, a pose is no tracking error: the joints' own ranges, as of a walker in a
 # crouch.
 PRECISE_KNEE_LIMIT, PRECISE_HIP_LIMITS = 150.0, (-60.0, 135.0)
+MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
 MAX_BONE_DEVIATION = 0.30  # of a leg bone from its median length; beyond it, a tracking error
 
 
@@ -28,6 +29,30 @@ def leg_bones(positions: Array) -> Array:
     return np.stack(
         [np.linalg.norm(positions[:, N[b]] - positions[:, N[a]], axis=-1) for a, b in ends], axis=-1
     )
+
+
+def is_precise(positions: Array) -> bool:
+    """Whether the leg bones of positions (T, 20, 3) keep their length, as in an optical recording."""
+    lengths = leg_bones(positions)
+    if not np.isfinite(lengths).any(axis=0).all():
+        return False
+    return bool((np.nanstd(lengths, axis=0) < MAX_BONE_SPREAD * np.nanmean(lengths, axis=0)).all())
+
+
+def leg_angles(positions: Array) -> Array:
+    """Angles (T, 2, 2) in radians of both legs: between thigh and shank, and of the thigh forward from
+    vertical.
+
+    positions: (T, 20, 3) with X ahead and Z up.
+    """
+    out = []
+    for side in ("left", "right"):
+        hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        thigh, shank = knee - hip, ankle - knee
+        across = np.linalg.norm(np.cross(thigh, shank), axis=-1)
+        bend = np.arctan2(across, np.sum(thigh * shank, axis=-1))
+        out.append(np.stack([bend, np.arctan2(thigh[:, 0], -thigh[:, 2])], axis=1))
+    return np.stack(out, axis=1)
 
 
 def impossible_legs(positions: Array, bones: Array, *, running: bool, precise: bool = False) -> Mask:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import runs
-from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, is_precise
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
 from kinemimic.pipeline.locomotion.heading import ankle_distance, body_heading
+from kinemimic.pipeline.locomotion.leg_pose import is_precise
 from kinemimic.pipeline.locomotion.odometry import choose_path, disagreements, foot_odometry
 from kinemimic.pipeline.locomotion.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.strides import cut_strides
+from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES
 
 OTHER_PATH = "the body moves otherwise than its feet carry it"
 

@@ -53,6 +53,7 @@ _RUNNING_TOE = _Rolling(
 RUNNING_LIFT = 0.14
 # Steps as quick as these (s of a stride) are a runner's from a lower lift on.
 QUICK_STRIDE, QUICK_LIFT = 0.82, 0.08
+FEET_ERROR = 0.08  # of the speed of single strides by the feet
 _SMOOTHING = 0.03  # s, of the velocity
 
 
@@ -234,3 +235,18 @@ def choose_path(root: Array, feet: FootOdometry, apart: Array, rate: float, *, p
     if precise and of_one_foot < MAX_ONE_FOOT:
         return GroundPath("recorded", of_one_foot, recorded)
     return GroundPath("neither", disagreement, feet.velocity)
+
+
+def steady_velocity(velocity: Array, phase: Array, speed: float) -> Array:
+    """Forward velocity (T,) by the feet whose mean over each stride is the speed, if it hardly differs
+    anyway.
+    """
+    at = np.arange(len(phase))
+    early, late = (np.interp(phase + shift, phase, at) for shift in (-0.5, 0.5))
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))])
+    mean = (np.interp(late, at, way) - np.interp(early, at, way)) / np.maximum(late - early, 1.0)
+    # A part of a stride has another mean.
+    whole = np.interp(late, at, phase) - np.interp(early, at, phase) > 0.99
+    if not whole.any() or float(np.std(mean[whole])) > FEET_ERROR * abs(speed):
+        return velocity
+    return np.asarray(velocity + np.mean(mean[whole]) - np.interp(at, at[whole], mean[whole]))

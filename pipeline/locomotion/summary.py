@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.files.json_layout import rounded
-from kinemimic.pipeline.locomotion.bouts import MIN_SPEED, Bout
+from kinemimic.pipeline.locomotion.bouts import Bout
+from kinemimic.pipeline.locomotion.walk_rule import MIN_SPEED
 
 
 def gait_summary(bouts: list[Bout]) -> dict[str, Any] | None:

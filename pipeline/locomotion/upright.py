@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.heading import along_heading
 
@@ -78,6 +79,12 @@ def upright_axis(positions: Array, heading: Array, phase: Array, walking: Mask) 
     middles = [float(np.flatnonzero(strides == k).mean()) for k in numbers]
     up[:, :2] = np.stack([np.interp(np.arange(len(up)), middles, column) for column in tilts.T], axis=1)
     return np.asarray(up / np.linalg.norm(up, axis=1, keepdims=True))
+
+
+def levelling(up: Array) -> Array:
+    """The shortest rotations (T, 4) that turn unit vectors up (T, 3) to +Z."""
+    axis = np.cross(up, np.array([0.0, 0.0, 1.0]))
+    return normalize(np.concatenate([axis, 1.0 + up[:, 2:]], axis=1))
 
 
 def _smooth_tilts(left: Array, leans: Array) -> Array:
