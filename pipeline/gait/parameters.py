@@ -1,10 +1,9 @@
 """Spatiotemporal parameters of a gait: measure each stride, then mean, standard deviation and symmetry.
 
-A stride goes from a foot strike to the next strike of the same foot. Lengths are measured between ankles: the
-stride length from one strike of the ankle to its next; the step length along that line, from the other
-ankle's strike in between; the step width across it (Huxham, Gong, Baker, Morris and Iansek 2006, Gait &
-Posture 23(2), 159-163). They need no direction of progression and hold on a curved path too. The width is
-taken where both feet lie flat: at its farthest, in late swing, the ankle may still move sideways.
+A stride goes from a foot strike to the next strike of the same foot. Lengths are measured between footprints:
+the stride length from one print of the foot to its next; the step length along that line, from the other
+foot's print in between; the step width across it (Huxham, Gong, Baker, Morris and Iansek 2006, Gait & Posture
+23(2), 159-163). They need no direction of progression and hold on a curved path too.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.events import SIDES, FootEvents, detect_foot_events
+from kinemimic.pipeline.gait.footprints import footprints
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
@@ -139,9 +139,10 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
     """The strides of a pass, and the number of others that the capture does not show well enough."""
     strides: list[Stride] = []
     unseen = 0
+    prints = footprints(feet)
     for foot, side in enumerate(SIDES):
         other = 1 - foot
-        for start, end in zip(feet.strikes[foot], feet.strikes[foot][1:], strict=False):
+        for k, (start, end) in enumerate(zip(feet.strikes[foot], feet.strikes[foot][1:], strict=False)):
             off, opposite = (
                 times[np.searchsorted(times, start, "right") : np.searchsorted(times, end)]
                 for times in (feet.offs[foot], feet.strikes[other])
@@ -150,11 +151,11 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
             if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].mean() < MIN_SEEN:
                 unseen += 1
                 continue
-            first, last, between = (
-                _at(feet, *place) for place in ((foot, start), (foot, end), (other, opposite[0]))
-            )
+            first, last = prints[foot][k : k + 2]
+            between = prints[other][np.searchsorted(feet.strikes[other], opposite[0])]
             length = float(np.hypot(*(last - first)))
-            along, step = (last - first) / length, last - between
+            along = (last - first) / length
+            across = np.array([-along[1], along[0]])
             both, none = _support(start, off[0], end, opposite[0], feet.offs[other])
             strides.append(
                 Stride(
@@ -165,27 +166,13 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
                     end=float(end),
                     length=length,
                     step_time=float(end - opposite[0]),
-                    step_length=float(step @ along),
-                    width=_width(feet, foot, along, float(start), float(opposite[0]), float(off[0] - start)),
+                    step_length=float((last - between) @ along),
+                    width=abs(float((between - first) @ across)),
                     double_support=both,
                     flight=none,
                 )
             )
     return strides, unseen
-
-
-def _width(feet: FootEvents, foot: int, along: Array, start: float, opposite: float, stance: float) -> float:
-    """Distance (m) between the stances of a foot and of the other foot after it, across `along` (2,).
-
-    The feet strike at `start` and `opposite`; a stance takes `stance` seconds. In its second quarter the foot
-    lies flat: earlier it may not have landed, later the heel rises.
-    """
-    across = []
-    for which, strike in ((foot, start), (1 - foot, opposite)):
-        first, last = np.searchsorted(feet.times, (strike + stance / 4.0, strike + stance / 2.0))
-        x, y = feet.ankles[first : max(last, first + 1), which, :2].T
-        across.append(np.median(along[0] * y - along[1] * x))
-    return float(abs(across[1] - across[0]))
 
 
 def _support(start: float, off: float, end: float, opposite: float, offs: Array) -> tuple[float, float]:
@@ -200,14 +187,6 @@ def _support(start: float, off: float, end: float, opposite: float, offs: Array)
     both = min(before, off) - start + max(0.0, min(off, after) - opposite)
     none = (end - start) - (off - start) - (before - start) - (after - opposite) + both
     return float(both / (end - start)), float(none / (end - start))
-
-
-def _at(feet: FootEvents, foot: int, moment: float) -> Array:
-    """Horizontal position (2,) of an ankle at a time."""
-    k = int(np.clip(np.searchsorted(feet.times, moment), 1, len(feet.times) - 1))
-    share = (moment - feet.times[k - 1]) / (feet.times[k] - feet.times[k - 1])
-    before, after = feet.ankles[k - 1, foot, :2], feet.ankles[k, foot, :2]
-    return np.asarray(before + share * (after - before))
 
 
 def _usual(strides: list[Stride]) -> list[Stride]:
