@@ -80,10 +80,12 @@ def train(
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
     start: name of a shipped tracker, or folder of one, to start from, with the settings of
     `config/from_tracker.py`.
-    config: your own settings, with seed, budget and scenario, in place of a preset and a seed.
+    config: your own settings, with seed, budget and scenario, in place of a preset, a seed and `start`.
     ray: simulate on a Ray cluster, at this address or, "local", started on this machine; by default with one
     worker per core of it. As many workers give the same policy, bit for bit, as processes of this machine.
     """
+    if config is not None and start is not None:
+        raise KinemimicError("train: expected config or start, found both; start has settings of its own")
     with reading(run, "train"), simulators(ray, workers) as where:
         return _train(
             run,

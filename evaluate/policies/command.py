@@ -27,7 +27,9 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
         **{key: record[key] for key in ("preset", "seed", "samples", "engine")},
         "bytes": (folder / name / POLICY).stat().st_size,
         "survival": scores["survival"],
-        "r2": {joint: scores["fit"]["phases"][joint]["r2"]["median"] for joint in ("knee", "hip")},
+        "r2_upright": {
+            joint: scores["fit"]["phases"][joint]["r2_upright"]["median"] for joint in ("knee", "hip")
+        },
         "speed_ratio": (scores["root"]["phases"]["speed_ratio"] or {}).get("median"),
     }
 
@@ -70,7 +72,7 @@ def command(as_json: bool) -> None:
             one["name"],
             f"{survived['frames_median']:.0f}/{survived['of']}",
             f"{survived['phases']}/{survived['phases_of']}",
-            *(number(one["r2"][joint], 3) for joint in ("knee", "hip")),
+            *(number(one["r2_upright"][joint], 3) for joint in ("knee", "hip")),
             number(one["speed_ratio"], 3),
             f"{one['samples']:,}",
             one["description"] + ("" if one["motion_ships"] else "; needs the recording"),

@@ -64,6 +64,7 @@ class _RootOfPhases(Struct):
 class _Root(Struct):
     phases: _RootOfPhases
     reference_advance_m: Number
+    reference_path_m: Number | None = None
     speed_ratio: Number | None = None
     path_error_m: Number | None = None
 

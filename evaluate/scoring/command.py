@@ -171,8 +171,8 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
             (of["all_frames"], "all frames of its walks as read"),
             (of["adjusted"], "the motion's frames, pelvis and knees adjusted"),
         ):
-            r2 = [number(part["phases"][joint]["r2"]["median"], 3) for joint in SCORED_JOINTS]
-            below.append(f"R² against {what} ({part['frames']:,}): {r2[0]} knee, {r2[1]} hip")
+            r2 = [number(part["phases"][joint]["r2_upright"]["median"], 3) for joint in SCORED_JOINTS]
+            below.append(f"R², upright, against {what} ({part['frames']:,}): {r2[0]} knee, {r2[1]} hip")
         below += adjusted(scores["capture"]["adjustments"])
     if scores["truth"] is not None:
         below += [

@@ -61,7 +61,8 @@ def summaries(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row for each split and kind: number of motions, shares and medians over them.
 
     succeeded: share of the motions that succeed from phase 0, as papers count; succeeded_phases: share of all
-    rollouts; whole: share of the motions without a fall from any start phase; measures: medians.
+    rollouts; whole: share of the motions without a fall from any start phase; frames: mean share before
+    the fall; measures: medians.
     """
     found = []
     for split, kind in sorted({(row["split"], row["kind"]) for row in rows}):

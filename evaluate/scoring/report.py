@@ -79,7 +79,7 @@ class ReportInputs:
             read_quality(quality) if quality.exists() else None,
             read_gimbal(gimbal) if gimbal.exists() else None,
             read_gait_json(gait, motion) if gait.exists() else None,
-            captured(run),
+            captured(run, motion),
         )
 
 

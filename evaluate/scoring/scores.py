@@ -29,7 +29,9 @@ from kinemimic.train.rollout.trajectory import Trajectory
 SCORES_SCHEMA = 2
 FIT_FRAMES = 500  # as in the paper
 _DECIMALS = 6
-_STANDING = 0.1  # m: below this advance the reference stands, and there is no speed to compare with
+# A reference that advances less than this (m), or than this share of its path, stands or returns: there is no
+# speed along a line to compare with.
+_STANDING, _STRAIGHT = 0.1, 0.5
 
 
 def survival(trajectory: Trajectory) -> dict[str, float]:
@@ -84,7 +86,8 @@ def root_path(trajectory: Trajectory) -> dict[str, Any]:
 
     path_error_m: final distance between humanoid and reference; path_rms_m: its root mean square over time;
     advance_m, reference_advance_m: displacement along the line from the reference's start to its end;
-    speed_ratio: their quotient, None if the reference stands.
+    speed_ratio: their quotient, None if the reference stands or returns; reference_path_m: length of the
+    reference's path.
     """
     paths = [
         _path(root[:, :2], reference[:, :2])
@@ -101,13 +104,15 @@ def _path(path: Array, reference: Array) -> dict[str, float | None]:
     gap = np.linalg.norm(path - reference, axis=-1)
     way = reference[-1] - reference[0]
     distance = float(np.linalg.norm(way))
-    moves = distance > _STANDING
+    length = float(np.linalg.norm(np.diff(reference, axis=0), axis=-1).sum())
+    moves = distance > max(_STANDING, _STRAIGHT * length)
     advance = float((path[-1] - path[0]) @ way / distance) if moves else None
     return {
         "path_error_m": float(gap[-1]),
         "path_rms_m": float(np.sqrt(np.mean(gap**2))),
         "advance_m": advance,
         "reference_advance_m": distance,
+        "reference_path_m": length,
         "speed_ratio": None if advance is None else advance / distance,
     }
 

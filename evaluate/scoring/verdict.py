@@ -33,7 +33,8 @@ def verdict(scores: Mapping[str, Any], where: str = "") -> Verdict:
             },
             speed_ratio=_median(root["phases"]["speed_ratio"]),
             path_error_m=_median(root["phases"]["path_error_m"]),
-            path_m=root["reference_advance_m"],
+            # Earlier versions wrote no path; their references went straight.
+            path_m=root.get("reference_path_m", root["reference_advance_m"]),
             findings=tuple(motion.get("findings", ())),
         ),
         Training.of(scores["train"]),

@@ -253,9 +253,11 @@ class BaselineRunner:
         variance = float(targets.var())
         logged = {
             "reward/mean": float(np.mean(statistics.rewards)),
-            "episode/length": float(np.mean(statistics.episode_lengths))
-            if statistics.episode_lengths
-            else float(config.horizon),
+            **(
+                {"episode/length": float(np.mean(statistics.episode_lengths))}
+                if statistics.episode_lengths
+                else {}
+            ),
             "policy/noise": action_std,
             "value/loss": 0.5 * float(np.square(errors).mean()),
             "value/explained_variance": 1.0 - float(errors.var()) / variance if variance > 0 else 0.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -16,6 +16,7 @@ from kinemimic.train.config.env_config import LATER_RANGES, EnvConfig, RewardCon
 
 # A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
 Schedule = tuple[tuple[int, float], ...]
+PenaltyRule = Literal["running", "initial"]  # see `ppo.adapt_penalty`
 
 
 def scheduled_at(schedule: Schedule, samples: int) -> float:
@@ -43,7 +44,7 @@ class TrainConfig:
     epochs: int = 8
     clip: float | None = 0.2
     kl_penalty: bool = False
-    penalty_rule: str = "running"
+    penalty_rule: PenaltyRule = "running"
     penalty_initial: float = 1.0
     kl_target: float = 0.1
     adapt_rate: bool = True

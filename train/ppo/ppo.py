@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from kinemimic.train.config.config import TrainConfig, scheduled_at
+from kinemimic.train.config.config import PenaltyRule, TrainConfig, scheduled_at
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.mlp import Mlp
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
@@ -30,7 +30,7 @@ PENALTY_BOUNDS = (1e-4, 1e4)
 MAX_GRADIENT_NORM = 1.0
 
 
-def adapt_penalty(penalty: float, kl: float, target: float, initial: float, rule: str) -> float:
+def adapt_penalty(penalty: float, kl: float, target: float, initial: float, rule: PenaltyRule) -> float:
     """Penalty coefficient after a round: halved for a KL below target/1.5, doubled above 1.5 target.
 
     rule: "running" halves and doubles the current coefficient; "initial" sets half or twice the initial one,
@@ -143,7 +143,8 @@ class PpoAlgorithm:
         unexplained = float(errors.var(correction=0))
         return {
             "reward/mean": float(rewards.mean()),
-            "episode/length": float(lengths.mean()) if len(lengths) else float(steps),
+            # No episode may end in a round.
+            **({"episode/length": float(lengths.mean())} if len(lengths) else {}),
             "policy/kl": kl,
             "policy/clip_fraction": clip_fraction,
             "policy/penalty": state.penalty,

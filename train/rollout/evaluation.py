@@ -30,7 +30,7 @@ SCENARIO_EPISODES = 8
 WALKING_R2 = 0.90  # of knee and hip: a humanoid that reaches it without a fall walks
 
 
-def episode_frames(motion: Motion) -> int:
+def episode_frames(motion: Motion | Reference) -> int:
     """Control steps of an episode: 20 s of a cycle, a non-cyclic motion once."""
     if motion.cyclic:
         return CYCLIC_FRAMES
@@ -80,7 +80,8 @@ class Evaluation:
     """Results after a number of samples and seconds of training.
 
     strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: minima over all
-    episodes; frames_first: of the first episode; reward: mean of the episodes; robust_return: mean
+    episodes, and of: length of that with the fewest frames for its length; frames_first: of the first
+    episode; reward: mean of the episodes; robust_return: mean
     reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
     error as a share of its targets' variance, mean of the rounds since the last evaluation; completed: number
     of the `episodes` without a fall, None in trainings of earlier versions.
@@ -112,13 +113,15 @@ class Evaluation:
         losses: Sequence[float] = (),
     ) -> Evaluation:
         """Summarise episodes, robust returns and the critic's losses."""
+        # A tracker's episodes are as long as their motions.
+        worst = min(episodes, key=lambda episode: episode.frames / episode.of)
         return cls(
             samples=samples,
             seconds=round(seconds, 1),
             strength=strength,
-            frames=min(episode.frames for episode in episodes),
+            frames=worst.frames,
             frames_first=episodes[0].frames,
-            of=episodes[0].of,
+            of=worst.of,
             reward=sum(episode.reward for episode in episodes) / len(episodes),
             knee=min(episode.knee for episode in episodes),
             hip=min(episode.hip for episode in episodes),

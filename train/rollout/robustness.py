@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.evaluation import episode_frames
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.sim.engines import open_world
@@ -24,7 +25,10 @@ ROBUSTNESS_EPISODES = 16
 
 
 class RobustnessEvaluation:
-    """One episode for each of some `numbers` (0 to ROBUSTNESS_EPISODES - 1) of the random draw."""
+    """One episode for each of some `numbers` (0 to ROBUSTNESS_EPISODES - 1) of the random draw.
+
+    An episode lasts as in training: a motion that is performed once ends with it.
+    """
 
     def __init__(self, reference: Reference, config: EnvConfig, numbers: Sequence[int], engine: str) -> None:
         self.numbers = tuple(numbers)
@@ -36,6 +40,9 @@ class RobustnessEvaluation:
         # Episodes start all around a cycle; a non-cyclic motion has one start.
         starts = np.array(numbers) / ROBUSTNESS_EPISODES
         self._phases = starts if reference.cyclic else np.zeros(self._size)
+        self._frames = config.steps if reference.cyclic else episode_frames(reference)
+        if config.scenario is not None:
+            self._frames = min(self._frames, config.scenario.steps)
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> list[float]:
         """Mean reward of each episode, 0 after a fall, as a share of the largest possible."""
@@ -47,6 +54,6 @@ class RobustnessEvaluation:
         def add_rewards(_: int, standing: NDArray[np.bool_]) -> None:
             total[:] += standing * batch.terms().sum(axis=1)
 
-        roll_out(batch, policy.act, self._config.steps, add_rewards)
-        shares: list[float] = (total / self._config.steps / sum(reward.weights.values())).tolist()
+        roll_out(batch, policy.act, self._frames, add_rewards)
+        shares: list[float] = (total / self._frames / sum(reward.weights.values())).tolist()
         return shares

@@ -30,7 +30,7 @@ SMALL_ERROR_DEG = 2.0
 FAIR_SPEED, POOR_SPEED = 0.1, 0.5
 # Distance from the reference at the end: fair beyond this share of the reference's path, and beyond metres.
 FAIR_PATH, SMALL_PATH_M = 0.1, 0.5
-# More samples than this never made a shipped policy: if it still falls, the motion is to blame.
+# After so many samples, and twice the preset's own, a policy that still falls is the motion's fault.
 MANY_SAMPLES = 3_000_000
 
 _VERBS = {"walk": "walks", "run": "runs", "motion": "moves"}
@@ -57,8 +57,8 @@ class Outcome:
     typical, first: frames before the fall, in the median over all phases and at least, None if unknown;
     cyclic: False for a motion that is performed once; kind: of gait.json, or "" if unknown;
     fits: joint -> R² without credit after a fall, and RMSE in degrees; speed_ratio: speed relative to the
-    reference's; path_error_m, path_m: distance from the reference at the end, and length of its path. All of
-    them medians over the phases; None: undefined or not measured.
+    reference's; path_error_m: distance from the reference at the end. All of them medians over the phases;
+    None: undefined or not measured. path_m: length of the reference's path.
     findings: flaws of the motion itself.
     """
 
@@ -129,30 +129,39 @@ def _errors(outcome: Outcome) -> Iterator[_Error]:
 
 
 def _headline(outcome: Outcome, level: Level, errors: list[_Error]) -> str:
-    frames, fallen = outcome.frames, outcome.phases - outcome.upright
+    frames = outcome.frames
+    if outcome.upright < outcome.phases:
+        return _falls(outcome) if outcome.phases > 1 else _falls_once(outcome)
     if not outcome.cyclic:
-        if fallen:
-            upright = outcome.typical if outcome.first is None else outcome.first
-            if upright is None:
-                return f"falls before the end of the motion ({seconds(frames)})"
-            return f"falls after {seconds(upright)} of {seconds(frames)} ({upright:.0f} of {frames} frames)"
         start = "stays upright for" if level == "poor" else "performs"
         return _with_errors(f"{start} the whole motion ({seconds(frames)}) without a fall", errors)
-    if fallen:
-        if not outcome.upright:
-            upright, note = (
-                (outcome.typical, ", median") if outcome.typical is not None else (outcome.first, "")
-            )
-            which = f"all {outcome.phases} phases" if outcome.phases > 1 else "its phase"
-        else:
-            upright, note = outcome.first, ""
-            which = f"{fallen} of {outcome.phases} phases"
-        if upright is None:
-            return f"falls from {which} within {seconds(frames)}"
-        first = "the earliest " if outcome.upright else ""
-        return f"falls from {which}, {first}after {seconds(upright)} ({upright:.0f} of {frames} frames{note})"
     verb = "stays upright" if level == "poor" else _VERBS.get(outcome.kind, "stays upright")
     return _with_errors(f"{verb} {seconds(frames)} from {outcome.upright} of {outcome.phases} phases", errors)
+
+
+def _falls_once(outcome: Outcome) -> str:
+    """The headline of a fall from the only start phase."""
+    frames = outcome.frames
+    upright: float | None = outcome.typical if outcome.first is None else outcome.first
+    if upright is None:
+        what = seconds(frames) if outcome.cyclic else f"the motion ({seconds(frames)})"
+        return f"falls before the end of {what}"
+    return f"falls after {seconds(upright)} of {seconds(frames)} ({upright:.0f} of {frames} frames)"
+
+
+def _falls(outcome: Outcome) -> str:
+    """The headline of falls from several start phases."""
+    frames, fallen = outcome.frames, outcome.phases - outcome.upright
+    if outcome.upright:
+        upright, note, first = outcome.first, "", "the earliest "
+        which = f"{fallen} of {outcome.phases} phases"
+    else:
+        typical = outcome.typical is not None
+        upright, note, first = (outcome.typical, ", median", "") if typical else (outcome.first, "", "")
+        which = f"all {outcome.phases} phases"
+    if upright is None:
+        return f"falls from {which} within {seconds(frames)}"
+    return f"falls from {which}, {first}after {seconds(upright)} ({upright:.0f} of {frames} frames{note})"
 
 
 def _with_errors(text: str, errors: list[_Error]) -> str:
@@ -181,17 +190,17 @@ def _advice(
     if training.preset == TRACKER:
         yield f"Train it further on this motion: `kinemimic train{where} --from tracker`."
         return
-    if training.samples >= MANY_SAMPLES:
+    options = where if training.preset in ("", "default") else f"{where} --preset {training.preset}"
+    budget = PRESETS.get(training.preset, PRESETS["default"]).budget
+    if training.preset in TRAIN_OPTIONS:
+        options, budget = f"{where} {TRAIN_OPTIONS[training.preset]}", BUDGETS[training.preset]
+    if training.samples >= max(MANY_SAMPLES, 2 * budget):
         yield (
             f"After {training.samples:,} samples, look at the reference in `kinemimic view{where}` before "
             "training longer, and consider another part of the capture "
             f"(`kinemimic retarget{where} --segment`)."
         )
         return
-    options = where if training.preset in ("", "default") else f"{where} --preset {training.preset}"
-    budget = PRESETS.get(training.preset, PRESETS["default"]).budget
-    if training.preset in TRAIN_OPTIONS:
-        options, budget = f"{where} {TRAIN_OPTIONS[training.preset]}", BUDGETS[training.preset]
     options += f" --seed {training.seed}" if training.seed else ""
     # Twice as many; a few seconds of training twice over would still be none.
     more = short(max(2 * training.samples, budget))

@@ -11,7 +11,7 @@ from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.run_folder.capture import run_flag
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.train.config.training import Training
-from kinemimic.train.rollout.evaluation import START_PHASES, Evaluation
+from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import POLICY, training_summary
 from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 
@@ -58,7 +58,7 @@ def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
         )
     )
     if found.level == "good":
-        others = "other phases" if START_PHASES > 1 else "the start"
+        others = "other phases" if len(record["evaluated_with"]["start_phases"]) > 1 else "its beginning"
         yield f"`kinemimic evaluate{where}` scores it from {others}."
     else:
         yield found.advice

@@ -120,7 +120,9 @@ class TrainingLoop:
             board.add_scalar(name, value, state.samples)
         state.losses.append(logged["value/normalized_loss"])
         self._lap(OTHER)
-        shown: dict[str, object] = {"reward": logged["reward/mean"], "steps": logged["episode/length"]}
+        shown: dict[str, object] = {"reward": logged["reward/mean"]}
+        if "episode/length" in logged:
+            shown["steps"] = logged["episode/length"]
         if evaluations:
             shown["upright"] = f"{evaluations[-1].frames}/{evaluations[-1].of}"
         bar.advance(config.batch, **shown)
@@ -154,9 +156,9 @@ class TrainingLoop:
         if best(training.evaluations) is evaluation:
             training.best = policy
         for name in ("frames", "reward", "knee", "hip"):
-            board.add_scalar(f"trial/{name}", getattr(evaluation, name), samples)
+            board.add_scalar(f"evaluation/{name}", getattr(evaluation, name), samples)
         if evaluation.robust_return is not None:
-            board.add_scalar("trial/endured", evaluation.robust_return, samples)
+            board.add_scalar("evaluation/robust_return", evaluation.robust_return, samples)
         self._policy.write(finished=False)
 
     def _lap(self, name: str) -> None:

@@ -78,7 +78,6 @@ def draw_event_schedule(
         wrenches[k, :3] = rotate(turn, load.force.draw(random))
         wrenches[k, 3:] = rotate(turn, load.torque.draw(random))
     slope = float(scenario.slope.draw(random)[0])
-    along = rotate(_about_vertical(heading(reference, phase)), np.array([math.sin(slope), 0.0, 0.0]))
     placed: list[tuple[int, Obstacle]] = []
     for item in scenario.obstacles:
         placed.append(_place(scenario, placed, item, reference, phase, random))
@@ -89,9 +88,17 @@ def draw_event_schedule(
         wrenches=wrenches,
         growing=np.array([load.growing for load in loads], dtype=np.bool_),
         friction=None if scenario.friction is None else float(scenario.friction.draw(random)[0]),
-        tilt=GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along),
+        tilt=slope_tilt(slope, heading(reference, phase)),
         releases=tuple(sorted(placed, key=lambda release: release[0])),
     )
+
+
+def slope_tilt(slope: float, uphill: float) -> Array:
+    """What a slope, rad, adds to gravity, (3,) m/s²; uphill: its direction, rad about the vertical from the
+    x-axis."""
+    along = rotate(_about_vertical(uphill), np.array([math.sin(slope), 0.0, 0.0]))
+    tilt: Array = GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along)
+    return tilt
 
 
 def check(scenario: Scenario, reference: Reference) -> None:

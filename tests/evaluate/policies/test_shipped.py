@@ -183,7 +183,7 @@ def test_the_list_shows_the_scores(shelf: ShippedPolicies) -> None:
     first, second = json.loads(invoke(["--json"]).output)
     assert (first["name"], first["motion_ships"]) == ("walk", True)
     assert (second["name"], second["motion_ships"]) == ("kinect_walk", False)
-    assert first["r2"] == {"knee": 0.987, "hip": 0.976}
+    assert first["r2_upright"] == {"knee": 0.987, "hip": 0.976}
     assert first["bytes"] == (shelf.folder / "walk" / POLICY).stat().st_size
     printed = " ".join(invoke([]).output.split())
     assert "600/600" in printed and "12/13" in printed and "a made-up walk" in printed

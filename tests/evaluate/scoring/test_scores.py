@@ -76,6 +76,20 @@ def test_a_perfect_rollout(performance, walk):
     assert scores["root"]["reference_advance_m"] == pytest.approx(0.41 * 599 / 30, abs=1e-5)
 
 
+def test_a_path_that_returns_has_a_length_and_no_speed(performance, walk):
+    """Ten seconds ahead and ten back, to 0.15 m from the start; the humanoid ends 0.12 m beyond."""
+    there = performance(1)
+    x = np.concatenate([np.linspace(0.0, 4.0, 300), np.linspace(4.0, 0.15, 300)])
+    reference = np.stack([x, 0.0 * x, 0.9 + 0.0 * x], axis=1)[None]
+    ends = reference + np.linspace(0.0, 1.0, 600)[None, :, None] * [0.12, 0.0, 0.0]
+    back = replace(there, root=ends, reference_root=reference)
+    root = _scores(back, back, replace(walk, cyclic=False))["root"]
+    assert root["speed_ratio"] is None and root["phases"]["speed_ratio"] is None
+    assert root["reference_advance_m"] == pytest.approx(0.15, abs=1e-6)
+    assert root["reference_path_m"] == pytest.approx(7.85, abs=1e-6)
+    assert root["path_error_m"] == pytest.approx(0.12, abs=1e-6)
+
+
 def test_a_noncyclic_motion_is_scored_as_a_whole(performance, walk):
     long = performance(1, 550)
     assert _scores(long, long, replace(walk, cyclic=False))["fit"]["frames"] == 550

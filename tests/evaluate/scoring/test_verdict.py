@@ -66,6 +66,21 @@ def test_falls_from_all_phases():
     assert found.advice == "Train longer: `kinemimic train --budget 2M` (1,003,520 samples so far)."
 
 
+def test_a_fall_from_the_only_phase():
+    found = verdict(scores(phases=1, upright=0, median=96.0, first=96))
+    assert found.headline == "falls after 3.2 s of 20 s (96 of 600 frames)"
+    once = verdict(scores(phases=1, upright=0, median=96.0, first=96, of=120, cyclic=False))
+    assert once.headline == "falls after 3.2 s of 4 s (96 of 120 frames)"
+
+
+@pytest.mark.parametrize(
+    "preset, samples, longer", [("default", 3_100_000, False), ("robust", 4_000_000, True)]
+)
+def test_a_preset_that_takes_many_samples_is_not_given_up_early(preset, samples, longer):
+    found = verdict(scores(upright=0, median=9.0, train={"preset": preset, "samples": samples}))
+    assert ("Train longer" in found.advice) == longer
+
+
 @pytest.mark.parametrize(("upright", "level"), [(12, "fair"), (10, "fair"), (9, "falls"), (1, "falls")])
 def test_falls_from_some_phases(upright, level):
     # The median of a policy that mostly survives is the whole length, which is not when it falls.

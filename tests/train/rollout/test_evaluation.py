@@ -38,6 +38,17 @@ EVALUATION = Evaluation(
 )
 
 
+def test_of_episodes_of_several_lengths_the_one_that_ends_first_for_its_length_counts() -> None:
+    def of(*lengths: tuple[int, int]) -> Evaluation:
+        episodes = [Episode(frames, whole, 0.5, 0.95, 0.95) for frames, whole in lengths]
+        return Evaluation.of_episodes(episodes, samples=1, seconds=1.0, strength=0.0)
+
+    whole = of((600, 600), (120, 120))
+    assert (whole.frames, whole.of, whole.completed) == (600, 600, 2) and whole.walks
+    fallen = of((300, 600), (120, 120), (90, 120))
+    assert (fallen.frames, fallen.of, fallen.completed) == (300, 600, 1) and not fallen.walks
+
+
 def rehearse(
     motion: Motion,
     puppets,

@@ -47,6 +47,20 @@ def test_it_is_the_share_of_the_reward_until_the_fall(
     assert found == pytest.approx([1.0, 0.25], abs=1e-6)
 
 
+@pytest.mark.parametrize(("episode", "frames"), [(10, 20), (400, 20)])
+def test_a_motion_that_is_performed_once_is_judged_by_the_whole_of_it(
+    motion: Motion, puppets, monkeypatch: pytest.MonkeyPatch, episode: int, frames: int
+) -> None:
+    once = Reference(replace(motion, cyclic=False, rate=(len(motion.root) - 1) * CONTROL_RATE / frames))
+    lengths = []
+    monkeypatch.setattr(ordeal, "open_world", lambda size, engine: puppets(size))
+    monkeypatch.setattr(ordeal, "roll_out", lambda batch, act, steps, record: lengths.append(steps))
+    config = replace(HARD, episode=episode)
+    RobustnessEvaluation(once, config, [0], "puppets").robust_returns(STILL, REWARD)
+    RobustnessEvaluation(Reference(motion), config, [0], "puppets").robust_returns(STILL, REWARD)
+    assert lengths == [frames, episode]
+
+
 def test_each_figure_has_hardships_of_its_own_and_they_stay_the_same(motion: Motion, engine: str) -> None:
     hard = RobustnessEvaluation(Reference(motion), HARD, range(ROBUSTNESS_EPISODES), engine)
     found = hard.robust_returns(STILL, REWARD)
