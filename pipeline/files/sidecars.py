@@ -25,14 +25,19 @@ TRUTH_SCHEMA = 1
 NOTE_SCHEMA = 1
 
 
+def stem_of(capture: Path) -> str:
+    """The NAME of a capture NAME.skl or NAME.skl.gz, with which the names of its sidecar files begin."""
+    return Path(capture.name.removesuffix(".gz")).stem
+
+
 def truth_path(capture: Path) -> Path:
     """Path of a capture's truth file."""
-    return capture.with_suffix(TRUTH)
+    return capture.with_name(stem_of(capture) + TRUTH)
 
 
 def note_path(capture: Path) -> Path:
     """Path of a capture's provenance note."""
-    return capture.with_suffix(NOTE)
+    return capture.with_name(stem_of(capture) + NOTE)
 
 
 def write_truth(

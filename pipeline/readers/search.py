@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from kinemimic.pipeline.files.sidecars import stem_of
 from kinemimic.pipeline.readers.depth.folder import is_recording
 
 # Sidecar files of fixed names: what the markers or columns of a whole folder are, the labels of UTKinect.
@@ -49,8 +50,7 @@ def files_to_read(capture: Path) -> dict[str, Path]:
 
 
 def _is_beside(name: str, capture: str) -> bool:
-    stem = capture.removesuffix(".gz").rpartition(".")[0] or capture
-    if name == capture or name.startswith(f"{stem}.") or name in _OF_THE_FOLDER:
+    if name == capture or name.startswith(f"{stem_of(Path(capture))}.") or name in _OF_THE_FOLDER:
         return True
     if name.lower().endswith(_SKELETONS):
         # The skeleton of NAME_01.amc is NAME.asf, or the only one in the folder.

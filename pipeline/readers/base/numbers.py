@@ -7,6 +7,7 @@ would cost more than it saves, and any other layout. Only a table that both refu
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -20,6 +21,8 @@ from kinemimic.pipeline.readers.base.source import Source
 _LARGE = 2**19
 # The part of a large table from which its layout is detected.
 _LAYOUT_BYTES, _LAYOUT_LINES = 2**20, 1000
+# The one comma of a number; "1,234.5" and "1,234,567" have commas between thousands.
+_DECIMAL_COMMA = re.compile(r"(?<![\d.,])(\d*),(\d+)(?![\d.,])")
 
 
 @dataclass(frozen=True)
@@ -88,23 +91,43 @@ def parse_table(
     return Table(values, source, start)
 
 
-def parse_sparse_table(source: Source, *, start: int, width: int, separator: str) -> Table:
-    """Like `parse_table`, with NaN for empty cells.
+def parse_sparse_table(
+    source: Source, *, start: int, width: int, separator: str, keep_empty_rows: bool = False
+) -> Table:
+    """Like `parse_table`, with NaN for empty cells, and decimal commas where commas do not separate.
 
-    Most files have none, so they are searched for only if the table cannot be parsed without.
+    keep_empty_rows: a row of nothing but empty cells is a row of NaN, as it must be where a row's place is
+    its time, unless no filled row follows; else it is skipped. Most files have neither empty cells nor
+    decimal commas, so they are searched for only if the table cannot be parsed without.
     """
     try:
         return parse_table(source, start=start, width=width, separator=separator)
     except CaptureError:
-        head, body = source.lines[:start], source.lines[start:]
-        rows = (
-            separator.join(cell if cell.strip() else "nan" for cell in row.split(separator))
-            if row.strip(separator + " ")
-            else ""
-            for row in body
-        )
-        filled = Source(source.path, "\n".join([*head, *rows]).encode(), source.sha256)
+        lines = decimal_points(source, separator, start).lines
+        body = list(lines[start:])
+        while body and not body[-1].strip(separator + " "):
+            body.pop()
+        empty = separator.join(["nan"] * width) if keep_empty_rows else ""
+        rows = []
+        for row in body:
+            if row.strip(separator + " "):
+                cells = row.split(separator)
+                if len(cells) == width + 1 and not cells[-1].strip():
+                    cells.pop()
+                rows.append(separator.join(cell if cell.strip() else "nan" for cell in cells))
+            else:
+                rows.append(empty if separator in row else "")
+        filled = source.with_text("\n".join([*lines[:start], *rows]))
         return parse_table(filled, start=start, width=width, separator=separator)
+
+
+def decimal_points(source: Source, separator: str | None, start: int = 0) -> Source:
+    """The file with points for the decimal commas of lines[start:], as files from a German Windows have
+    them; itself if commas separate its numbers, or it has none."""
+    if separator == "," or b"," not in source.content:
+        return source
+    body = _DECIMAL_COMMA.sub(r"\1.\2", "\n".join(source.lines[start:]))
+    return source.with_text("\n".join([*source.lines[:start], body]))
 
 
 def _with_arrow(

@@ -6,6 +6,7 @@ import codecs
 import gzip
 import hashlib
 import io
+import itertools
 import zlib
 from collections.abc import Sequence
 from functools import cached_property
@@ -95,18 +96,25 @@ class Source:
     def head(self) -> tuple[str, ...]:
         """The first lines that are not blank, at most 64, from the first 64 KiB; the last may be cut off.
 
-        Lines of separators only count as blank: spreadsheets write empty rows like that.
+        Lines of separators only count as blank: spreadsheets write empty rows like that. So do lines of any
+        white space, no-break spaces too: every line here has a word.
         """
-        lines = (
-            line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip(_BLANK)
-        )
-        return tuple(line for line, _ in zip(lines, range(64), strict=False))
+        return tuple(itertools.islice(itertools.filterfalse(_is_blank, self._first_lines), 64))
 
     @cached_property
     def blank_lines(self) -> int:
         """Number of blank lines before head[0]."""
-        begin = len(self.content) - len(self.content.lstrip(_BLANK.encode()))
-        return self.content.count(b"\n", 0, begin)
+        return sum(1 for _ in itertools.takewhile(_is_blank, self._first_lines))
+
+    @property
+    def _first_lines(self) -> list[str]:
+        return _decoded(self.content[:_HEAD], whole=False).split("\n")
+
+    def with_text(self, text: str) -> Source:
+        """The same file with another text of as many lines, such as one with points for decimal commas."""
+        other = Source(self.path, text.encode(), self.sha256, self.unit)
+        other.sidecar_files = self.sidecar_files
+        return other
 
     def sidecar_file(self, name: str) -> Source | None:
         """The file of that name in the same folder, recorded as a sidecar file of this capture, or None."""
@@ -128,6 +136,10 @@ class Source:
         """A CaptureError about this file; line: shorthand for where="line N"."""
         where = where if line is None else f"line {line}"
         return CaptureError(self.path, expected=expected, found=found, where=where, advice=advice)
+
+
+def _is_blank(line: str) -> bool:
+    return not line.strip(_BLANK).strip()
 
 
 def _is_text(content: bytes) -> bool:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
+from kinemimic.pipeline.files.sidecars import stem_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import continuous, from_matrix, multiply, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import MISSING, TRACKED
@@ -73,10 +74,8 @@ def _description_name(source: Source) -> str | None:
     path = source.path
     if not path.name:
         return None
-    stem = path.with_suffix("") if path.suffix == ".gz" else path
-    for name in dict.fromkeys(
-        (path.with_suffix(".toml").name, stem.with_suffix(".toml").name, FOLDER_DESCRIPTION)
-    ):
+    # NAME.csv.toml of NAME.csv.gz is what was suggested before.
+    for name in dict.fromkeys((f"{stem_of(path)}.toml", path.with_suffix(".toml").name, FOLDER_DESCRIPTION)):
         description_source = path.with_name(name)
         try:
             if not description_source.is_file():

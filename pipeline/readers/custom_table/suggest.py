@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from kinemimic.pipeline.files.sidecars import stem_of
 from kinemimic.pipeline.files.toml_text import column as column_of
 from kinemimic.pipeline.files.toml_text import folded, key, one_or_list, quoted
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
@@ -41,7 +42,7 @@ def suggest(source: Source) -> str:
 
 
 def _draft(source: Source, sheet: Sheet, layout: Layout) -> Iterator[str]:
-    saved_as = source.path.with_suffix(".toml").name
+    saved_as = f"{stem_of(source.path)}.toml"
     yield f"# Draft for {source.path.name}: save it as {saved_as} in the same folder."
     yield '# Check every line marked "please check"; docs/describe-your-columns.md explains all keys.'
     yield "kinemimic = 1"

@@ -21,7 +21,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
-from kinemimic.pipeline.readers.base.numbers import Table, parse_table
+from kinemimic.pipeline.readers.base.numbers import Table, decimal_points, parse_table
 from kinemimic.pipeline.readers.base.paired_files import sidecar_file, sidecar_name
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
@@ -184,7 +184,10 @@ def _half(source: Source) -> _Half:
         line,
         expected=f"the {_HALVES[0] if is_positions else _HALVES[1]} of the Azure Kinect's 32 joints",
     )
-    table = parse_table(source, start=line, width=len(names), separator=_separator(source))
+    separator = _separator(source)
+    table = parse_table(
+        decimal_points(source, separator, line), start=line, width=len(names), separator=separator
+    )
     values = table.values[:, columns]
     clock, people = values[:, 0], values[:, 1]
     for wrong, expected, column in (

@@ -131,5 +131,5 @@ def _table(source: Source, start: int, markers: int) -> tuple[Table, Array]:
             line=start + 1,
         )
     width = leading + 3 * markers
-    table = parse_sparse_table(source, start=start, width=width, separator="\t")
+    table = parse_sparse_table(source, start=start, width=width, separator="\t", keep_empty_rows=True)
     return table, table.values[:, leading:]

@@ -81,7 +81,10 @@ def read(source: Source) -> Clip:
     names, line = _names(source), source.blank_lines + 1
     index = index_of_columns(names, source, line)
     columns = require_columns(index, _coordinates(), source, line, expected="x, y and z of the 33 landmarks")
-    table = parse_sparse_table(source, start=line, width=len(names), separator=",")
+    clock = clock_column(names)
+    table = parse_sparse_table(
+        source, start=line, width=len(names), separator=",", keep_empty_rows=clock is None
+    )
     unit = source.unit or UNIT
     points = table.values[:, columns].reshape(-1, len(LANDMARKS), 3) * UNITS[unit]
     for leg in LEGS:
@@ -90,7 +93,6 @@ def read(source: Source) -> Clip:
                 expected="hips, knees and ankles", found=f"no {leg.replace('_', ' ')} in any frame"
             )
     refuse_remote(points, LANDMARKS, source, table.line)
-    clock = clock_column(names)
     if clock is None:
         note = f"no time in the file: {RATE:g} Hz, unless --rate says what the videos have"
         times = times_of_rate(len(points), RATE, note)

@@ -148,13 +148,19 @@ class _Content:
 def _wide(names: list[str], line: int, source: Source) -> _Content:
     """The content of a table with one row a frame."""
     index_of_columns(names, source, line)
-    table = parse_sparse_table(source, start=line, width=len(names), separator=_separator(source))
+    clock = clock_column(names)
+    table = parse_sparse_table(
+        source,
+        start=line,
+        width=len(names),
+        separator=_separator(source),
+        keep_empty_rows=clock is None,
+    )
     values = np.full((len(table.values), len(LANDMARKS), 5), np.nan)
     values[..., 3:] = 1.0
     fields = ("x", "y", "z", "visibility", "presence")
     for column, (number, field) in _landmarks(names).items():
         values[:, number, fields.index(field)] = table.values[:, column]
-    clock = clock_column(names)
     return _Content(
         len(names), None if clock is None else table.values[:, clock], names[clock or 0], values, table.line
     )

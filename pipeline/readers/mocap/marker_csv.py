@@ -55,7 +55,7 @@ def read(source: Source) -> Clip:
     labels = marker_set(source).renamed(labels, source)
     separator = _separator(source)
     width = len(source.head[0].split(separator))
-    table = parse_sparse_table(source, start=line, width=width, separator=separator)
+    table = parse_sparse_table(source, start=line, width=width, separator=separator, keep_empty_rows=True)
     unit = source.unit or UNIT
     points = table.values[:, columns].reshape(len(table.values), len(labels), 3) * UNITS[unit]
     defects = zero_frames(points)

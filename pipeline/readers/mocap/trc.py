@@ -118,10 +118,7 @@ def _names(lines: Sequence[str]) -> int | None:
 
 def _with_tabs(source: Source) -> Source:
     """The file with a TAB for any white space: names of markers have no spaces, and no cell is empty."""
-    content = "\n".join("\t".join(line.split()) for line in source.lines)
-    tabbed = Source(source.path, content.encode(), source.sha256, source.unit)
-    tabbed.sidecar_files = source.sidecar_files
-    return tabbed
+    return source.with_text("\n".join("\t".join(line.split()) for line in source.lines))
 
 
 def _declared(source: Source, names_line: int) -> dict[str, str]:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from kinemimic.pipeline.files.records import RecordError, convert
+from kinemimic.pipeline.files.sidecars import stem_of
 from kinemimic.pipeline.files.toml_file import parse_toml
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.marker_names import canonical_labels
@@ -62,7 +63,7 @@ def marker_set(source: Source) -> MarkerSet:
 
     Raises CaptureError for anything but such a file, naming the key.
     """
-    names = (source.path.name.removesuffix(".gz").rpartition(".")[0] + SUFFIX, FOLDER_SET)
+    names = (stem_of(source.path) + SUFFIX, FOLDER_SET)
     beside = next((found for name in names if (found := source.sidecar_file(name)) is not None), None)
     if beside is None:
         return MarkerSet()

@@ -31,6 +31,8 @@ COLUMNS = {name: [0.1] for name in ("time", "pass", *ANGLES)}
 def test_they_stand_beside_the_capture() -> None:
     assert truth_path(Path("a/walk.skl")) == Path("a/walk.truth.parquet")
     assert note_path(Path("a/walk.skl")) == Path("a/walk.provenance.json")
+    assert truth_path(Path("a/walk.skl.gz")) == Path("a/walk.truth.parquet")
+    assert note_path(Path("a/walk")) == Path("a/walk.provenance.json")
 
 
 def test_a_truth_comes_back_and_says_its_schema(tmp_path: Path) -> None:

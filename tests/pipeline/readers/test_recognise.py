@@ -10,6 +10,7 @@ import io
 import json
 import lzma
 import pickle
+import re
 import tarfile
 import zipfile
 from collections.abc import Callable
@@ -127,6 +128,37 @@ def test_json_without_line_breaks_is_recognised(tmp_path: Path, name: str) -> No
     ((file, content), *_) = importlib.import_module(f"samples.{name}").files(12).items()
     (tmp_path / file).write_text(json.dumps(json.loads(content)))
     assert recognise.read(tmp_path / file).provenance["format"] == samples.reader(name).FORMAT.name
+
+
+@pytest.mark.parametrize(
+    "name", ["azure_csv", "marker_csv", "mediapipe_csv", "nuitrack_csv", "nexus_csv", "qualisys_tsv"]
+)
+def test_decimal_commas_come_with_semicolons_or_tabs(tmp_path: Path, name: str) -> None:
+    files = importlib.import_module(f"samples.{name}").files(12)
+    for folder, german in ((tmp_path / "plain", False), (tmp_path / "german", True)):
+        folder.mkdir()
+        for file, content in files.items():
+            text = content.decode()
+            if german:
+                text = text if "\t" in text else text.replace(",", ";")
+                text = re.sub(r"(?<=\d)\.(?=\d)", ",", text)
+            (folder / file).write_text(text)
+    plain, german_clip = (
+        recognise.read(tmp_path / folder / next(iter(files))) for folder in ("plain", "german")
+    )
+    assert german_clip.provenance["format"] == samples.reader(name).FORMAT.name
+    assert np.array_equal(german_clip.positions, plain.positions, equal_nan=True)
+    assert np.array_equal(german_clip.times, plain.times)
+
+
+def test_lines_of_any_white_space_are_blank(bvh: Text) -> None:
+    readers = [reader for reader in recognise.readers() if not reader.FORMAT.binary]
+    for space in (chr(c) for c in range(0x3001) if chr(c).isspace() and chr(c) not in "\n\r"):
+        for lines in ([space, "a"], ["a", space, "b"], ["1", space, "root 1 2"], [f" {space},;", "a 1"]):
+            of_lines = samples.source_of("\n".join(lines), Path("a.txt"))
+            for reader in readers:
+                assert not reader.recognises(of_lines), reader.FORMAT.name
+        assert samples.source_of(f"{space}\n\n{bvh()}", Path("a.bvh")).blank_lines == 2
 
 
 def archive(**arrays: object) -> bytes:

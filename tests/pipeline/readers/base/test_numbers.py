@@ -10,7 +10,7 @@ from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base import numbers
-from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, parse_table
 
 PATH = Path("table.txt")
 
@@ -105,3 +105,24 @@ def test_white_space_in_any_layout(way: str) -> None:
 def test_a_table_with_no_lines(way: str) -> None:
     with pytest.raises(CaptureError, match="line 2: expected lines of numbers, found none"):
         parse_table(source_of("header\n\n\n", PATH), start=1)
+
+
+@pytest.mark.parametrize("separator", [",", "\t"])
+def test_an_empty_row_is_a_row_where_its_place_is_its_time(way: str, separator: str) -> None:
+    text = "a,b\n,\n1,2\n\n,\n3,\n,\n,\n".replace(",", separator)
+    source = source_of(text, PATH)
+    skipped = parse_sparse_table(source, start=1, width=2, separator=separator)
+    assert np.array_equal(skipped.values, [[1, 2], [3, np.nan]], equal_nan=True)
+    kept = parse_sparse_table(source, start=1, width=2, separator=separator, keep_empty_rows=True)
+    gap = [np.nan, np.nan]
+    assert np.array_equal(kept.values, [gap, [1, 2], gap, [3, np.nan]], equal_nan=True)
+    assert [kept.line(row) for row in range(4)] == [2, 3, 5, 6]
+
+
+def test_decimal_commas(way: str) -> None:
+    source = source_of("x, y;z\n-1,5;,25e-1\n2;;\n", PATH)
+    values = parse_sparse_table(source, start=1, width=2, separator=";").values
+    assert np.array_equal(values, [[-1.5, 2.5e-2], [2, np.nan]], equal_nan=True)
+    for thousands in ("1,234.5", "1,234,567"):
+        with pytest.raises(CaptureError, match=f"line 1: expected a number, found '{thousands}'"):
+            parse_sparse_table(source_of(f"{thousands};2\n", PATH), start=0, width=2, separator=";")
