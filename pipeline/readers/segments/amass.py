@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import world_positions
 from kinemimic.pipeline.kinematics.proportions import (
     FOOT,
     FOREARM,
@@ -144,11 +145,11 @@ def read(source: Source) -> Clip:
     rotations = continuous(rotations)
     skeleton = smpl_skeleton(STATURES[gender])
     translations = np.broadcast_to(skeleton.offsets, (*turns.shape[:2], 3)).copy()
-    translations[:, 0] = rotate(world_from_file, trans)
+    translations[:, 0] = trans
     return Clip(
         skeleton=skeleton,
         times=np.arange(len(turns)) / rate,
-        positions=forward_kinematics(skeleton, translations, rotations)[0],
+        positions=world_positions(skeleton, translations, rotations, world_from_file),
         states=np.full(turns.shape[:2], TRACKED, dtype=np.uint8),
         passes=np.zeros(len(turns), dtype=np.int32),
         translations=translations,

@@ -27,6 +27,8 @@ from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base import npz
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.segments import amass
+from kinemimic.pipeline.writers.bvh import write_bvh
+from kinemimic.pipeline.writers.poses import poses_of_clip
 
 FRAMES = 60
 Arrays = dict[str, Any]
@@ -66,7 +68,7 @@ def test_all_widths_and_the_layout_of_smpl_x_are_the_same_motion() -> None:
     assert np.abs(read(single).positions - same.positions).max() < 1e-5
 
 
-def test_a_file_that_is_y_up_stands_upright() -> None:
+def test_a_file_that_is_y_up_stands_upright(tmp_path: Path) -> None:
     arrays = sample.arrays(FRAMES)
     upright = read(arrays)
     turn = np.array([-0.5 * np.pi, 0.0, 0.0])
@@ -75,6 +77,12 @@ def test_a_file_that_is_y_up_stands_upright() -> None:
     poses[:, :3] = to_rotvec(multiply(q, from_rotvec(poses[:, :3])))
     clip = read({**arrays, "poses": poses, "trans": rotate(q, arrays["trans"])})
     assert np.ptp((clip.positions - upright.positions)[..., 2]) < 1e-6
+    # Exported and read back, its bodies are where they were.
+    write_bvh(tmp_path / "walk.bvh", poses_of_clip(clip))
+    back = recognise.read(tmp_path / "walk.bvh")
+    for joint in ("left_ankle", "right_wrist"):
+        moved = back.positions[:, back.skeleton.index(joint)] - clip.positions[:, clip.skeleton.index(joint)]
+        assert np.abs(moved).max() < 1e-4
 
 
 def test_what_is_not_known_is_said() -> None:
