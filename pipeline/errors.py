@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copyreg
 import os
 from pathlib import Path
+from typing import Any
 
 
 class KinemimicError(Exception):
@@ -28,6 +30,10 @@ class CaptureError(KinemimicError):
         place = f"{path}, {where}" if where else f"{path}"
         hint = f"; {advice}" if advice else ""
         super().__init__(f"{place}: expected {expected}, found {found}{hint}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Pickle would pass the message to __init__, which does not take one; errors cross processes.
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class NotACaptureError(CaptureError):

@@ -144,14 +144,16 @@ def _outcomes(
             )
             for worker, (index, deadline) in tuple(busy.items()):
                 outcome: Any
-                if worker.pipe in ready:
+                # A worker may have answered since `ready`, while the caller used another's result.
+                answered = worker.pipe in ready or worker.pipe.poll()
+                if answered:
                     outcome = _received(worker)
                 elif time.monotonic() > deadline:
                     outcome = Failure(f"timed out after {timeout:g} s")
                 else:
                     continue
                 del busy[worker]
-                if worker.pipe in ready and not isinstance(outcome, WorkerDiedError):
+                if answered and not isinstance(outcome, WorkerDiedError):
                     idle.append(worker)
                 else:
                     worker.end()

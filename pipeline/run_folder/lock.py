@@ -40,15 +40,28 @@ def locked(run: Path, *, make: bool = True) -> Iterator[None]:
     finally:
         with _guard:
             _held[folder] -= 1
-        if handle is not None:
-            os.close(handle)
         if made:
+            # While it is held: nobody else may have begun to use it.
             with suppress(OSError):  # not empty
                 run.rmdir()
+        if handle is not None:
+            os.close(handle)
 
 
 def _lock(run: Path) -> int:
     """A descriptor of the folder that holds the lock."""
+    while True:
+        handle = _locked_folder(run)
+        # The command that held it before may have removed it in between.
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(handle), run.stat()):
+                return handle
+        os.close(handle)
+        run.mkdir(parents=True, exist_ok=True)
+
+
+def _locked_folder(run: Path) -> int:
+    """A descriptor that holds the lock of what was at `run` when it was opened."""
     handle = os.open(run, os.O_RDONLY | os.O_DIRECTORY)
     try:
         with where_supported():

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import pickle
 
 import pytest
 
-from kinemimic.pipeline.errors import KinemimicError, one_line
+from kinemimic.pipeline.errors import CaptureError, KinemimicError, NotACaptureError, one_line
 
 FULL = os.strerror(errno.ENOSPC)
 
@@ -25,3 +26,12 @@ FULL = os.strerror(errno.ENOSPC)
 )
 def test_an_error_is_one_line(error: Exception, text: str) -> None:
     assert one_line(error) == text
+
+
+@pytest.mark.parametrize("kind", [CaptureError, NotACaptureError])
+def test_an_error_of_a_capture_survives_pickling(kind: type[CaptureError]) -> None:
+    error = kind("walk.skl", where="line 3", expected="numbers", found="words", advice="look at it")
+    error.add_note("in a worker")
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is kind
+    assert (str(again), again.__notes__) == (str(error), ["in a worker"])

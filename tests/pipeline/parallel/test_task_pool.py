@@ -8,11 +8,15 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.parallel import task_pool
 from kinemimic.pipeline.parallel.task_pool import Failure, guarded, isolated_map, parallel_map
+from kinemimic.pipeline.readers.recognise import read
 
 
 def test_results_come_in_the_order_of_the_tasks() -> None:
@@ -98,3 +102,41 @@ def test_tasks_are_taken_as_workers_get_free() -> None:
     assert len([*results]) == 4
     assert taken == [*range(5)]
     assert not multiprocessing.active_children()
+
+
+def test_an_error_of_a_capture_comes_out_of_a_worker_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "empty.bvh").write_text("")
+    with pytest.raises(CaptureError, match=r"empty\.bvh: expected"):
+        parallel_map(read, [tmp_path / "empty.bvh"], workers=1)
+
+
+class Answers:
+    """Takes the place of a worker; the test answers."""
+
+    of: ClassVar[dict[str, Answers]] = {}
+
+    def __init__(self, **_: object) -> None:
+        self.pipe, self.answers = multiprocessing.Pipe()
+
+    def begin(self, *_: object) -> None:
+        """Nothing runs."""
+
+    def send(self, task: str) -> None:
+        self.of[task] = self
+        if task == "quick":
+            self.answers.send("first")
+
+    def receive(self) -> object:
+        return self.pipe.recv()
+
+    def end(self) -> None:
+        self.pipe.close()
+
+
+def test_a_result_that_came_while_the_caller_was_busy_is_no_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(task_pool, "Worker", Answers)
+    outcomes = task_pool._outcomes(str, ["quick", "slower"], 2, timeout=0.2)
+    assert next(outcomes) == (0, "first")
+    Answers.of["slower"].answers.send("second")
+    time.sleep(0.3)
+    assert next(outcomes) == (1, "second")
