@@ -1,4 +1,4 @@
-"""The forces of a session: drags, pushes, carried weights and a slope, as wrenches on the bodies."""
+"""The forces of a session: drags, pushes and carried weights, as wrenches on the bodies."""
 
 from __future__ import annotations
 
@@ -31,29 +31,38 @@ class _Load:
 
 @dataclass
 class Effects:
-    """What acts on the humanoid; carried: weight in N by body."""
+    """What acts on the humanoid; carried: kg by body."""
 
     carried: dict[int, float] = field(default_factory=dict)
     _loads: list[_Load] = field(default_factory=list)
     _drag: Drag | None = None
 
-    def apply(self, found: Drag | Release | Push | Carry, bodies: BodyStates) -> None:
+    @property
+    def dragged(self) -> int | None:
+        """Index of the body that is dragged."""
+        return None if self._drag is None else BODY_INDEX[self._drag.body]
+
+    def apply(self, event: Drag | Release | Push | Carry, bodies: BodyStates) -> None:
         """Begin or end a force."""
-        if isinstance(found, Drag):
-            self._drag = found
-        elif isinstance(found, Release):
+        if isinstance(event, Drag):
+            self._drag = event
+        elif isinstance(event, Release):
             self._drag = None
-        elif isinstance(found, Carry):
-            self.carried[BODY_INDEX[found.body]] = GRAVITY * found.kilograms
+        elif isinstance(event, Carry):
+            self.carried[BODY_INDEX[event.body]] = event.kilograms
         else:
             turn = heading_turn(bodies)
-            wrench = np.concatenate([rotate(turn, np.array(v)) for v in (found.force, found.torque)])
-            self._loads.append(_Load(BODY_INDEX[found.body], wrench, found.steps, found.growing))
+            wrench = np.concatenate([rotate(turn, np.array(v)) for v in (event.force, event.torque)])
+            self._loads.append(_Load(BODY_INDEX[event.body], wrench, event.steps, event.growing))
+
+    def spring(self, bodies: BodyStates) -> Array | None:
+        """Grab point, pointer and force (3, 3) of the drag in the world, None without one."""
+        return None if self._drag is None else spring(self._drag, bodies)
 
     def wrenches(self, bodies: BodyStates, tilt: Array) -> tuple[Array, Array | None]:
         """Wrenches (1, 15, 6) of the next control step; grab point, pointer and force (3, 3) of a drag.
 
-        tilt: (3,) m/s² that a slope adds to gravity.
+        tilt: (3,) m/s² that a slope adds to gravity; it acts here on carried weights alone.
         """
         total = np.zeros((1, len(BODIES), 6))
         for load in self._loads:
@@ -62,9 +71,8 @@ class Effects:
             total[0, load.body] += share * load.wrench
             load.age += 1
         self._loads = [load for load in self._loads if load.age < load.steps]
-        for body, weight in self.carried.items():
-            total[0, body, 2] -= weight
-        total[0, :, :3] += weights(tilt)
+        for body, kilograms in self.carried.items():
+            total[0, body, :3] += kilograms * (tilt - np.array([0.0, 0.0, GRAVITY]))
         if self._drag is None:
             return total, None
         shown = spring(self._drag, bodies)
@@ -74,17 +82,10 @@ class Effects:
         return total, shown
 
 
-def slope_tilt(bodies: BodyStates, slope: float) -> Array:
-    """What a slope, rad, uphill where the first humanoid's pelvis faces, adds to gravity: (3,) m/s²."""
-    along = rotate(heading_turn(bodies), np.array([math.sin(slope), 0.0, 0.0]))
-    found: Array = GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along)
-    return found
-
-
 def weights(tilt: Array) -> Array:
     """Forces (15, 3) on the bodies of what a slope adds to gravity, (3,) m/s²."""
-    found: Array = BODY_MASSES[:, None] * tilt
-    return found
+    forces: Array = BODY_MASSES[:, None] * tilt
+    return forces
 
 
 def spring(drag: Drag, bodies: BodyStates) -> Array:

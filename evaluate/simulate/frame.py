@@ -20,8 +20,9 @@ class Frame:
 
     bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
     loads, torques: (15, 3) from outside, N and N·m, without the slope's; tilt: (3,) m/s² that a slope adds to
-    gravity; drag: grab point, pointer and force (3, 3) of a drag, or None; obstacles: with their states now
-    (K, 13); rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion
+    gravity; drag: grab point, pointer and force (3, 3) of a drag, or None; dragged: the body it pulls;
+    obstacles: with their states now (K, 13); numbers: of the obstacles, no two in a session have the same;
+    rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion
     by name, of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart;
     shown: what a live capture shows.
     """
@@ -35,8 +36,10 @@ class Frame:
     torques: Array
     tilt: Array
     drag: Array | None
+    dragged: int | None
     obstacles: tuple[Obstacle, ...]
     states: Array
+    numbers: tuple[int, ...]
     rotations: Array
     reference_rotations: Array
     angles: dict[str, float]
@@ -79,8 +82,8 @@ class LiveSettings(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Score:
-    """Of the last `frames` control steps since a restart: R² of knee and hip, speed ratio (NaN where the
-    reference stays in its place), steps upright."""
+    """Of the last `frames` control steps: R² of knee and hip, speed along the reference's way as a share of
+    its own (NaN where the reference stays in its place), steps upright."""
 
     frames: int
     upright: int

@@ -63,11 +63,12 @@ class Throw(Struct, tag="throw", frozen=True):
 
 
 class Clear(Struct, tag="clear", frozen=True):
-    """Remove all obstacles, and end all pushes."""
+    """Remove all obstacles, and end all pushes; a scenario keeps its obstacles."""
 
 
 class Ground(Struct, tag="ground", frozen=True):
-    """friction: of the humanoid's bodies; slope: uphill ahead, by tilting gravity."""
+    """friction: of the humanoid's bodies; slope: rad, uphill where the reference then goes, by tilting
+    gravity. In a scenario, which has a ground of its own, neither holds."""
 
     friction: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.9
     slope: Annotated[float, Meta(ge=-0.35, le=0.35)] = 0.0
@@ -87,29 +88,29 @@ class Restart(Struct, tag="restart", frozen=True):
 
 
 class Enter(Struct, tag="enter", frozen=True):
-    """Restart in a scenario by name, or in none; the seed draws its trial."""
+    """Restart in a scenario by name, or in none; trial: its number, as of `disturb` and `view`."""
 
     scenario: _Text = ""
-    seed: Annotated[int, Meta(ge=0, le=2**31)] = 0
+    trial: Annotated[int, Meta(ge=0, le=2**31)] = 0
 
 
 Input = Drag | Release | Push | Throw | Clear | Ground | Carry | Restart | Enter
 
 
-def checked(found: Input) -> Input:
+def checked(event: Input) -> Input:
     """An input within its bounds; KinemimicError otherwise."""
-    return decoded(msgspec.json.encode(found))
+    return decoded(msgspec.json.encode(event))
 
 
 def decoded(text: bytes | str) -> Input:
     """The input in a line of JSON; KinemimicError for anything else."""
     try:
-        found: Input = msgspec.json.decode(text, type=Input)
+        event: Input = msgspec.json.decode(text, type=Input)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise KinemimicError(f"expected an input of a session, found {error}") from None
-    if (body := getattr(found, "body", None)) is not None and body not in BODY_INDEX:
+    if (body := getattr(event, "body", None)) is not None and body not in BODY_INDEX:
         raise KinemimicError(f"expected a body of the humanoid, found {body!r:.40}")
-    return found
+    return event
 
 
 def finite(*numbers: Any) -> bool:

@@ -28,7 +28,7 @@ from kinemimic.train.rollout.policy import POLICY, Policy, load_trained
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
-SESSION, SCHEMA = "session.jsonl", 1
+SESSION, SCHEMA = "session.jsonl", 2
 COPIED = ("policy.json", POLICY)
 MOTION = "motion.json"  # of a session that no live capture drives
 DIGEST_INTERVAL = CONTROL_RATE  # control steps

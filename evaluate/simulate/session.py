@@ -13,7 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.effects import Effects, heading_turn, slope_tilt, weights
+from kinemimic.evaluate.robustness.scenario_trials import trial_start
+from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Score
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
@@ -25,18 +26,21 @@ from kinemimic.evaluate.simulate.inputs import (
     Push,
     Release,
     Restart,
+    Throw,
 )
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import node_rotations
-from kinemimic.train.scenario.event_schedule import with_states
+from kinemimic.train.scenario.event_schedule import draw_event_schedule, slope_tilt, with_states
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
@@ -48,6 +52,8 @@ WINDOW = 10 * CONTROL_RATE  # control steps of the score
 MIN_SCORED = CONTROL_RATE
 LYING = 2 * CONTROL_RATE  # control steps on the ground before an automatic restart
 MAX_OBSTACLES = 20
+# As of evaluate/scoring: a reference that goes less far, m or share of its path, stands or returns.
+STANDING, STRAIGHT = 0.1, 0.5
 
 
 class Session:
@@ -72,14 +78,19 @@ class Session:
         self._scenario_named = scenario_named
         self._ground = Ground()
         self._effects = Effects()
-        self._recent: deque[tuple[Array, Array, bool, Array, Array]] = deque(maxlen=WINDOW)
-        self._batch = self._opened(None)
-        self._begin(None, 0)
+        # Of the last control steps: rotations (20, 4) of humanoid and reference, whether it stood, and how
+        # far their roots went (2, 3).
+        self._recent: deque[tuple[Array, Array, bool, Array]] = deque(maxlen=WINDOW)
+        self._obstacles: list[Obstacle] = []  # of a person
+        self._first = 0  # number of the first obstacle that is there; the others follow
+        self._seed, self._start = 0, 0.0  # of the trial
+        self._batch = self._opened(None, self._reference(None))
+        self._reset(0.0)
 
-    def _opened(self, scenario: Scenario | None) -> ImitationBatch:
+    def _opened(self, scenario: Scenario | None, reference: Reference) -> ImitationBatch:
         """A new world, in a scenario or in none."""
         config = replace(self._config, scenario=scenario)
-        return ImitationBatch(open_world(1, self._engine), self._reference(scenario), config)
+        return ImitationBatch(open_world(1, self._engine), reference, config)
 
     def _reference(self, scenario: Scenario | None) -> Reference:
         """What is performed, in a scenario or in none."""
@@ -87,6 +98,8 @@ class Session:
 
     def _restart_phase(self) -> float:
         """Where a humanoid that fell is put back."""
+        if self._batch.config.scenario is not None:
+            return self._start
         return float(self._batch.phases[0] % 1.0) if self.motion.cyclic else 0.0
 
     def _is_over(self) -> bool:
@@ -99,27 +112,47 @@ class Session:
             return np.zeros((1, ACTIONS))
         return self.policy.act(self._observation).astype(np.float64)
 
-    def _enter(self, scenario: Scenario | None, seed: int) -> None:
-        before, self._batch = self._batch, self._opened(scenario)
-        before.world.close()
-        self._begin(scenario, seed)
-
-    def _begin(self, scenario: Scenario | None, seed: int) -> None:
-        self._seed, self._obstacles = seed, list[Obstacle]()
-        self._reset(0.0 if scenario is None else float(scenario.phase.low[0]))
+    def _enter(self, scenario: Scenario | None, number: int) -> None:
+        """Begin a trial of a scenario, the one that `view` shows, or go on without one."""
+        seed, phase = (0, 0.0) if scenario is None else trial_start(self.motion, scenario, 0, number)
+        reference = self._reference(scenario)
+        _require_places(scenario, reference, phase, seed)
+        batch = self._opened(scenario, reference)
+        self._first += len(self.present())
+        self._batch.world.close()
+        self._batch, self._obstacles, self._seed, self._start = batch, [], seed, phase
+        self._recent.clear()
+        self._reset(phase)
 
     def _reset(self, phase: float) -> None:
-        batch = self._batch
-        seeds = None if batch.config.scenario is None else np.array([self._seed], dtype=np.uint64)
+        """Put the humanoid onto its reference; pushes end, and obstacles of a person are removed."""
+        batch, scenario = self._batch, self._batch.config.scenario
+        _require_places(scenario, batch.reference, phase, self._seed)
+        self._first += len(self.present())
         self._effects = Effects(carried=self._effects.carried)
-        if seeds is None:
+        if scenario is None:
             self._obstacles = []
             batch.world.place(0, [])
-        sample = replace(RandomizationSample.nominal(1), friction=np.array([self._ground.friction]))
+        seeds = None if scenario is None else np.array([self._seed], dtype=np.uint64)
+        ground = self._ground if scenario is None else Ground()
+        sample = replace(RandomizationSample.nominal(1), friction=np.array([ground.friction]))
         batch.reset(np.array([0]), np.array([phase]), sample, seeds)
         self._observation = batch.observe()
         self._fallen_for = 0
-        self._recent.clear()
+        self._outside = np.zeros((len(BODIES), 6))
+        self._tilt = self._slope_tilt()
+        self._roots = self._roots_now()
+
+    def _slope_tilt(self) -> Array:
+        """What a person's slope, uphill where the reference goes now, adds to gravity: (3,) m/s²."""
+        batch = self._batch
+        if not self._ground.slope or batch.config.scenario is not None:
+            return np.zeros(3)
+        return slope_tilt(self._ground.slope, heading(batch.reference, float(batch.phases[0])))
+
+    def _roots_now(self) -> Array:
+        """Positions (2, 3) of the roots of humanoid and reference."""
+        return np.stack([self._batch.bodies.positions[0, 0], self._batch.target.positions[0, 0]])
 
     def _set_friction(self) -> None:
         """The engine changes friction with a reset only: one onto the state that it has."""
@@ -133,45 +166,61 @@ class Session:
         """What else is to be said of the session, in lines."""
         return []
 
-    def apply(self, found: Input | CapturedFrame) -> None:
-        """Take an input, before the next control step; KinemimicError if it does not fit the session."""
-        if isinstance(found, CapturedFrame):
+    def apply(self, event: Input | CapturedFrame) -> None:
+        """Take an input, before the next control step. KinemimicError if it does not fit the session, which
+        then is as before."""
+        if isinstance(event, CapturedFrame):
             raise KinemimicError("expected no frame: no live capture drives this session")
-        if isinstance(found, Restart):
-            self._reset(found.phase)
-        elif isinstance(found, Enter):
-            if self._scenario_named is None and found.scenario:
+        if isinstance(event, Restart):
+            self._reset(event.phase)
+            self._recent.clear()
+        elif isinstance(event, Enter):
+            if self._scenario_named is None and event.scenario:
                 raise KinemimicError("expected no scenario, found that this session knows none")
             named = self._scenario_named
-            self._enter(named(found.scenario) if named and found.scenario else None, found.seed)
-        elif isinstance(found, Ground):
-            self._require_free()
-            self._ground = found
-            self._set_friction()
-        elif isinstance(found, Clear):
+            self._enter(named(event.scenario) if named and event.scenario else None, event.trial)
+        elif isinstance(event, Ground):
+            self._set_ground(event)
+        elif isinstance(event, Clear):
             self._effects = Effects(carried=self._effects.carried)
+            self._outside = np.zeros((len(BODIES), 6))
             if self._batch.config.scenario is None:  # its own obstacles stay
+                self._first += len(self._obstacles)
                 self._obstacles = []
                 self._batch.world.place(0, [])
-        elif isinstance(found, Drag | Release | Push | Carry):
-            self._effects.apply(found, self._batch.bodies)
+        elif isinstance(event, Drag | Release | Push | Carry):
+            self._effects.apply(event, self._batch.bodies)
         else:
-            self._require_free()
-            turn, below = (
-                heading_turn(self._batch.bodies),
-                self._batch.bodies.positions[0, 0] * [1.0, 1.0, 0.0],
+            self._throw(event)
+
+    def _set_ground(self, ground: Ground) -> None:
+        self._require_free()
+        if ground.slope and any(item.mass > 0.0 for item in self._obstacles):
+            raise KinemimicError("expected no slope where an obstacle can move: remove the obstacles first")
+        self._ground = ground
+        self._set_friction()
+        self._tilt = self._slope_tilt()
+
+    def _throw(self, event: Throw) -> None:
+        self._require_free()
+        if event.mass > 0.0 and self._ground.slope:
+            raise KinemimicError(
+                "expected no obstacle that can move where the ground has a slope: set the slope to 0 first"
             )
-            obstacle = Obstacle(
-                shape=found.shape,
-                size=found.size,
-                position=tuple((below + rotate(turn, np.array(found.position))).tolist()),
-                rotation=tuple(turn.tolist()),
-                mass=found.mass,
-                velocity=tuple(rotate(turn, np.array(found.velocity)).tolist()),
-            )
-            present = with_states(self._obstacles, self._batch.world.obstacles(0))
-            self._obstacles = [*present, obstacle][-MAX_OBSTACLES:]
-            self._batch.world.place(0, self._obstacles)
+        batch = self._batch
+        turn, below = heading_turn(batch.bodies), batch.bodies.positions[0, 0] * [1.0, 1.0, 0.0]
+        obstacle = Obstacle(
+            shape=event.shape,
+            size=event.size,
+            position=tuple((below + rotate(turn, np.array(event.position))).tolist()),
+            rotation=tuple(turn.tolist()),
+            mass=event.mass,
+            velocity=tuple(rotate(turn, np.array(event.velocity)).tolist()),
+        )
+        obstacles = [*with_states(self._obstacles, batch.world.obstacles(0)), obstacle]
+        self._first += max(0, len(obstacles) - MAX_OBSTACLES)
+        self._obstacles = obstacles[-MAX_OBSTACLES:]
+        batch.world.place(0, self._obstacles)
 
     def _require_free(self) -> None:
         if self._batch.config.scenario is not None:
@@ -179,51 +228,61 @@ class Session:
 
     def advance(self) -> Frame:
         """One control step."""
-        batch = self._batch
-        tilt = slope_tilt(batch.bodies, self._ground.slope)
+        batch, tilt = self._batch, self._tilt + self._batch.scheduled_tilt(0)
         wrenches, drag = self._effects.wrenches(batch.bodies, tilt)
+        wrenches[0, :, :3] += weights(self._tilt)  # a scenario's slope acts by itself
         self._observation = batch.step(self._actions(), wrenches).observations
         self.step_count += 1
-        fallen = bool(batch.fallen()[0]) or self._fallen_for > 0
-        moved, wanted = node_rotations(batch.bodies)[0], batch.reference.nodes(batch.phases)[0]
-        roots = batch.bodies.positions[0, 0].copy(), batch.target.positions[0, 0].copy()
-        self._recent.append((moved, wanted, not fallen, *roots))
-        frame = self._frame(moved, wanted, tilt + batch.scheduled_tilt(0), drag, fallen=fallen)
-        if fallen:
+        if batch.wrenches is not None:
+            self._outside = batch.wrenches[0].copy()
+            self._outside[:, :3] -= weights(tilt)
+        if self._fallen_for or batch.fallen()[0]:
             self.falls += self._fallen_for == 0
             self._fallen_for += 1
+        frame, roots = self._frame(drag), self._roots_now()
+        self._recent.append(
+            (frame.rotations, frame.reference_rotations, not frame.fallen, roots - self._roots)
+        )
+        self._roots = roots
+        if frame.fallen:
             if self.restart and self._fallen_for >= LYING:
                 self._reset(self._restart_phase())
         elif self._is_over():
             self._reset(0.0)
         return frame
 
-    def _frame(self, moved: Array, wanted: Array, tilt: Array, drag: Array | None, *, fallen: bool) -> Frame:
+    def look(self) -> Frame:
+        """The state now: that after the last control step, and what inputs have changed since."""
+        return self._frame(self._effects.spring(self._batch.bodies))
+
+    def _frame(self, drag: Array | None) -> Frame:
         batch = self._batch
+        moved, wanted = node_rotations(batch.bodies)[0], batch.reference.nodes(batch.phases)[0]
         angles, expected = (
             {name: float(curve[0]) for name, curve in joint_angles(rotations[None]).items()}
             for rotations in (moved, wanted)
         )
-        states = batch.world.obstacles(0)
-        wrenches = np.zeros((15, 6)) if batch.wrenches is None else batch.wrenches[0].copy()
+        obstacles = tuple(self.present())
         return Frame(
             step=self.step_count,
             phase=float(batch.phases[0]),
             bodies=_first(batch.bodies),
             target=_first(batch.target),
             contacts=batch.world.contact_forces()[0].copy(),
-            loads=wrenches[:, :3] - weights(tilt),
-            torques=wrenches[:, 3:],
-            tilt=tilt,
+            loads=self._outside[:, :3].copy(),
+            torques=self._outside[:, 3:].copy(),
+            tilt=self._tilt + batch.scheduled_tilt(0),
             drag=drag,
-            obstacles=tuple(self.present()),
-            states=states.copy(),
+            dragged=self._effects.dragged,
+            obstacles=obstacles,
+            states=batch.world.obstacles(0).copy(),
+            numbers=tuple(range(self._first, self._first + len(obstacles))),
             rotations=moved,
             reference_rotations=wanted,
             angles=angles,
             wanted=expected,
             terms=dict(zip(batch.reward.weights, batch.terms()[0].tolist(), strict=True)),
-            fallen=fallen,
+            fallen=self._fallen_for > 0,
         )
 
     def present(self) -> list[Obstacle]:
@@ -232,20 +291,17 @@ class Session:
         return self._obstacles if scheduled is None else scheduled
 
     def score(self) -> Score | None:
-        """Of the last WINDOW control steps; None before MIN_SCORED of them."""
+        """Of the last WINDOW control steps since a person's last restart; None before MIN_SCORED of them."""
         if len(self._recent) < MIN_SCORED:
             return None
-        moved, wanted, upright, roots, targets = (
-            np.array(column) for column in zip(*self._recent, strict=True)
-        )
+        moved, wanted, upright, ways = (np.array(column) for column in zip(*self._recent, strict=True))
         fits = joint_fits(joint_angles(wanted), joint_angles(moved), upright)
-        way, path = (np.linalg.norm((r[-1] - r[0])[:2]) for r in (roots, targets))
         return Score(
             frames=len(upright),
             upright=int(upright.sum()),
             knee=fits["knee"].both.r2_upright,
             hip=fits["hip"].both.r2_upright,
-            speed=float(way / path) if path > 0.05 else float("nan"),
+            speed=_speed_ratio(ways[..., :2]),
         )
 
     def digest(self) -> str:
@@ -257,6 +313,23 @@ class Session:
     def close(self) -> None:
         """Free the engine."""
         self._batch.world.close()
+
+
+def _require_places(scenario: Scenario | None, reference: Reference, phase: float, seed: int) -> None:
+    """KinemimicError if a trial of a scenario has no place for an obstacle."""
+    if scenario is not None:
+        draw_event_schedule(scenario, reference, phase, np.random.default_rng(seed))
+
+
+def _speed_ratio(ways: Array) -> float:
+    """How far the humanoid went along its reference's way, as a share of that way, from steps (N, 2, 2) of
+    humanoid and reference, m; NaN where the reference stands or returns."""
+    went, wanted = ways.sum(axis=0)
+    distance = float(np.linalg.norm(wanted))
+    length = float(np.linalg.norm(ways[:, 1], axis=-1).sum())
+    if distance <= max(STANDING, STRAIGHT * length):
+        return float("nan")
+    return float(went @ wanted / distance**2)
 
 
 def _first(bodies: BodyStates) -> BodyStates:

@@ -3,11 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.effects import DAMPING, Effects, heading_turn, slope_tilt, spring
+from kinemimic.evaluate.simulate.effects import DAMPING, Effects, heading_turn, spring, weights
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.train.scenario.event_schedule import slope_tilt
 from kinemimic.train.sim.world import BodyStates
 
 LEVEL = np.zeros(3)
@@ -44,11 +45,20 @@ def test_a_weight_hangs_until_it_is_taken_away() -> None:
 
 
 def test_a_slope_tilts_gravity() -> None:
-    found = Effects().wrenches(bodies(), slope_tilt(bodies(), 0.1))[0][0]
     mass = sum(body.mass for body in BODIES)
     np.testing.assert_allclose(
-        found[:, :3].sum(axis=0), mass * GRAVITY * np.array([-np.sin(0.1), 0.0, 1.0 - np.cos(0.1)]), atol=1e-9
+        weights(slope_tilt(0.1, 0.0)).sum(axis=0),
+        mass * GRAVITY * np.array([-np.sin(0.1), 0.0, 1.0 - np.cos(0.1)]),
+        atol=1e-9,
     )
+
+
+def test_a_carried_weight_hangs_along_gravity_on_a_slope() -> None:
+    effects = Effects()
+    effects.apply(Carry("hand_left", 2.0), bodies())
+    found = effects.wrenches(bodies(), slope_tilt(0.1, 0.0))[0][0]
+    np.testing.assert_allclose(found[HAND, :3], 2.0 * GRAVITY * np.array([-np.sin(0.1), 0.0, -np.cos(0.1)]))
+    assert np.flatnonzero(found.any(axis=-1)).tolist() == [HAND]
 
 
 def test_a_spring_pulls_to_the_pointer_within_its_limit() -> None:

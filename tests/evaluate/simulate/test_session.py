@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +27,13 @@ from kinemimic.evaluate.simulate.inputs import (
     Throw,
 )
 from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
-from kinemimic.evaluate.simulate.session import LYING, Session
+from kinemimic.evaluate.simulate.session import LYING, MAX_OBSTACLES, Session, _speed_ratio
+from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.policy import load_trained
 from kinemimic.train.scenario.scenario_file import scenario
 
 ENGINE = "pybullet"
@@ -38,7 +43,7 @@ SCRIPT: dict[int, tuple[Input, ...]] = {
     20: (Drag("hand_left", (0.0, 0.0, 0.0), (2.0, 1.0, 1.2), limit=40.0),),
     26: (Release(), Carry("hand_left", 2.0)),
     30: (Throw("sphere", (0.24, 0.24, 0.24), 1.0, (1.8, 0.0, 1.1), (-2.0, 0.0, 2.6)),),
-    36: (Ground(0.5, 0.02),),
+    36: (Clear(), Ground(0.5, 0.02)),
     44: (Clear(), Restart(0.3)),
     60: (Enter("thrown-ball", 3),),
     75: (Enter(),),
@@ -94,11 +99,12 @@ def test_every_input_shows(recorded: tuple[Path, list[Frame], str]) -> None:
     assert frames[22].drag is not None
     assert frames[28].drag is None
     assert frames[28].loads[:, 2].min() == pytest.approx(-2.0 * 9.81)
-    # A slope is no load, but gravity that is tilted; a reset or a scenario without one ends it.
+    # A slope is no load, but gravity that is tilted; a restart keeps it, a scenario does without.
     assert np.linalg.norm(frames[40].tilt) == pytest.approx(2.0 * 9.81 * np.sin(0.5 * 0.02))
-    assert np.flatnonzero(frames[40].loads.any(axis=-1)).tolist() == [BODY_INDEX["hand_left"]]
-    assert not frames[30].tilt.any()
-    assert [len(frames[k].obstacles) for k in (29, 30, 43, 44)] == [0, 1, 1, 0]
+    loads = np.linalg.norm(frames[40].loads, axis=-1)
+    assert np.flatnonzero(loads > 1e-9).tolist() == [BODY_INDEX["hand_left"]]
+    assert [frames[k].tilt.any() for k in (30, 40, 50, 60, 74, 75)] == [False, True, True, False, False, True]
+    assert [len(frames[k].obstacles) for k in (29, 30, 35, 36)] == [0, 1, 1, 0]
     assert frames[44].phase < frames[43].phase
     # The scenario throws its ball after a second, and it was left before.
     assert not frames[74].obstacles
@@ -135,6 +141,121 @@ def test_a_scenario_keeps_its_own_obstacles_and_ground(walk_run: Path) -> None:
     with pytest.raises(KinemimicError, match="expected a shipped scenario"):
         session.apply(Enter("no-such", 0))
     session.advance()
+
+
+def test_a_scenario_is_the_trial_of_its_number_whatever_ground_a_person_set(walk_run: Path) -> None:
+    motion, policy, record = load_trained(walk_run)
+    config = TrainConfig.from_json(record["config"])
+    room = replace(scenario("room"), seconds=1.0)
+    played_there, shown = replay_scenario(motion, policy, config, room, number=3, engine=ENGINE)
+    session = opened(walk_run)
+    session.apply(Ground(0.1, 0.1))
+    session.apply(Enter("room", 3))
+    frames = [session.advance() for _ in range(len(played_there.root[0]))]
+    assert len(frames[-1].obstacles) == len(shown.obstacles) > 0
+    assert frames[-1].obstacles == tuple(shown.obstacles)
+    np.testing.assert_array_equal([frame.bodies.positions[0] for frame in frames], played_there.root[0])
+    assert not frames[-1].tilt.any()
+    session.apply(Enter())
+    assert session.advance().tilt.any()
+
+
+def test_a_trial_without_a_place_for_its_obstacles_changes_nothing(
+    walk_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = opened(walk_run)
+    session.apply(Enter("several-obstacles", 0))
+    session.advance()
+    before, step = session.digest(), session.look()
+
+    def full(*_: object) -> None:
+        raise KinemimicError("found it in the torso")
+
+    monkeypatch.setattr("kinemimic.evaluate.simulate.session.draw_event_schedule", full)
+    for event in (Restart(0.5), Enter("room", 1)):
+        with pytest.raises(KinemimicError, match="in the torso"):
+            session.apply(event)
+        assert session.digest() == before
+        assert session.look().numbers == step.numbers
+    session.advance()
+
+
+def test_a_slope_and_obstacles_that_can_move_exclude_each_other(walk_run: Path) -> None:
+    session = opened(walk_run)
+    ball = Throw("sphere", (0.24,) * 3, 1.0, (1.8, 0.0, 1.1))
+    wall = Throw("box", (0.1, 1.0, 1.0), 0.0, (5.0, 0.0, 0.5))
+    session.apply(Ground(0.9, 0.05))
+    session.apply(wall)
+    with pytest.raises(KinemimicError, match="set the slope to 0 first"):
+        session.apply(ball)
+    session.apply(Ground(0.9))
+    session.apply(ball)
+    with pytest.raises(KinemimicError, match="remove the obstacles first"):
+        session.apply(Ground(0.9, 0.05))
+    session.apply(Clear())
+    session.apply(Ground(0.9, 0.05))
+    assert session.advance().tilt.any()
+
+
+def test_a_slope_keeps_its_direction_when_the_humanoid_turns(walk_run: Path) -> None:
+    session = opened(walk_run)
+    session.apply(Ground(0.9, 0.05))
+    session.apply(Push("pelvis", torque=(0.0, 0.0, 300.0), steps=10))
+    frames = [session.advance() for _ in range(15)]
+    yaws = [float(rotate(frame.bodies.rotations[0], np.array([1.0, 0.0, 0.0]))[1]) for frame in frames]
+    assert np.ptp(yaws) > 0.2
+    np.testing.assert_array_equal([frame.tilt for frame in frames], [frames[0].tilt] * 15)
+
+
+def test_obstacles_have_numbers_of_their_own(walk_run: Path) -> None:
+    session = opened(walk_run)
+    ball = Throw("sphere", (0.24,) * 3, 1.0, (3.0, 0.0, 1.1))
+    numbers = [session.look().numbers]
+    for event in (ball, ball, Clear(), ball, Restart(), ball):
+        session.apply(event)
+        numbers.append(session.look().numbers)
+    assert numbers == [(), (0,), (0, 1), (), (2,), (), (3,)]
+    for k in range(MAX_OBSTACLES):
+        session.apply(Throw("sphere", (0.1,) * 3, 1.0, (3.0 + k, 3.0, 0.1)))
+    assert session.look().numbers == tuple(range(4, 4 + MAX_OBSTACLES))
+
+
+def test_a_look_shows_what_inputs_changed_without_a_control_step(walk_run: Path) -> None:
+    session = opened(walk_run)
+    session.apply(Push("torso", force=(50.0, 0.0, 0.0), steps=60))
+    frame = session.advance()
+    seen = session.look()
+    assert (seen.step, seen.fallen) == (frame.step, frame.fallen)
+    np.testing.assert_array_equal(seen.loads, frame.loads)
+    session.apply(Restart(0.5))
+    session.apply(Throw("sphere", (0.24,) * 3, 1.0, (1.8, 0.0, 1.1)))
+    session.apply(Drag("head", (0.0, 0.0, 0.0), (1.0, 0.0, 2.0)))
+    seen = session.look()
+    assert (seen.step, seen.phase, len(seen.obstacles)) == (1, 0.5, 1)
+    assert seen.dragged == BODY_INDEX["head"]
+    assert seen.drag is not None
+    assert not seen.loads.any()
+    assert session.step_count == 1
+
+
+def test_the_score_counts_the_time_on_the_ground_also_after_a_restart(walk_run: Path) -> None:
+    session = opened(walk_run)
+    script: dict[int, tuple[Input, ...]] = {0: (Push("torso", force=(0.0, 2000.0, 0.0), steps=20),)}
+    frames = played(session, script, None)
+    score = session.score()
+    assert score is not None
+    assert not frames[-1].fallen
+    assert (score.frames, score.upright) == (STEPS, sum(not frame.fallen for frame in frames))
+    session.apply(Restart())
+    assert session.score() is None
+
+
+def test_a_humanoid_that_walks_backward_has_a_negative_speed() -> None:
+    ahead, back, aside = (np.array([x, y]) for x, y in ((0.04, 0.0), (-0.04, 0.0), (0.0, 0.04)))
+    for went, wanted in ((ahead, 1.0), (back, -1.0), (aside, 0.0)):
+        assert _speed_ratio(np.array([[went, ahead]] * 60)) == pytest.approx(wanted)
+    there_and_back = np.array([[ahead, ahead]] * 30 + [[back, back]] * 28)
+    assert np.isnan(_speed_ratio(there_and_back))
 
 
 def test_clear_ends_pushes_also_in_a_scenario_and_replays(walk_run: Path, tmp_path: Path) -> None:
@@ -177,7 +298,7 @@ def test_a_killed_recording_replays_up_to_its_last_whole_line(
 @pytest.mark.parametrize(
     ("line", "text", "message"),
     [
-        (1, '{"schema": 99, "engine": "pybullet"}', "schema 1, found 99"),
+        (1, '{"schema": 99, "engine": "pybullet"}', "schema 2, found 99"),
         (1, "no json", "line 1: expected a line of a recorded session"),
         (2, '{"step": 10, "input": {"type": "push", "body": "tail"}}', "line 2: expected a body"),
         (2, '{"step": 10, "digest": "0000"}', "line 2: expected the recorded state after control step 10"),
@@ -187,7 +308,7 @@ def test_a_killed_recording_replays_up_to_its_last_whole_line(
             '{"step": 1000000000000}',
             "line 3: expected a line every 30 control steps, .* found step 1,",
         ),
-        (1, '{"schema": 1, "engine": "pybullet", "speed": 1e-9}', "line 1: .*`float` >= 0.1"),
+        (1, '{"schema": 2, "engine": "pybullet", "speed": 1e-9}', "line 1: .*`float` >= 0.1"),
     ],
 )
 def test_a_damaged_recording_is_one_line(
