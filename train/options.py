@@ -15,8 +15,8 @@ training_options = option_group(
         "preset_name",
         type=click.Choice(list(PRESETS)),
         default="default",
-        show_default=True,
-        help="Named set of training settings.",
+        help="Named set of training settings. Default: `default`; in `run`, a walk or run starts from the "
+        "tracker that ships, unless a preset is given.",
     ),
     click.option(
         "--from",
@@ -28,7 +28,8 @@ training_options = option_group(
     click.option(
         "--budget",
         type=samples,
-        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's.",
+        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from, 200k, "
+        "or 9.5M with --preset robust.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

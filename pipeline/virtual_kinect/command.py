@@ -26,7 +26,11 @@ from kinemimic.pipeline.virtual_kinect.walker import SPEEDS
     show_default=True,
     help="Seed of the person, the strides, the passes and the noise.",
 )
-@click.option("--speed", type=FiniteRange(), help="m/s: 0.6 to 1.8 for a walk, 2.5 to 4.5 for a run.")
+@click.option(
+    "--speed",
+    type=FiniteRange(min(low for low, _ in SPEEDS.values()), max(high for _, high in SPEEDS.values())),
+    help="m/s: 0.6 to 1.8 for a walk, 2.5 to 4.5 for a run.",
+)
 @click.option(
     "--variability",
     type=FiniteRange(0.0, 2.0),
