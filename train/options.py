@@ -28,8 +28,8 @@ training_options = option_group(
     click.option(
         "--budget",
         type=samples,
-        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from, 200k, "
-        "or 9.5M with --preset robust.",
+        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from, "
+        "200k, or 9.5M with --preset robust.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

@@ -52,7 +52,7 @@ def tracker_summary(name: str, folder: Path) -> dict[str, Any]:
 def command(as_json: bool) -> None:
     """List the shipped policies, for `--policy` of evaluate, view, export and others.
 
-    Scores are medians over the start phases. A tracker performs many walks and runs, also with `run --policy`.
+    Scores are medians over the start phases. A tracker performs many motions, also with `run --policy`.
 
     \b
       kinemimic policies
@@ -88,6 +88,7 @@ def _unseen(tracker: dict[str, Any]) -> str:
     if walks is None:
         return "Not scored on unseen walks."
     return (
-        f"Of {walks['motions']} walks that it has never seen, {100 * walks['whole']:.0f} % end without a fall "
-        f"from every start phase (R² knee {number(walks['r2_knee'], 3)}, hip {number(walks['r2_hip'], 3)})"
+        f"Of {walks['motions']} walks that it has never seen, {100 * walks['whole']:.0f} % end without a "
+        f"fall from every start phase (R² knee {number(walks['r2_knee'], 3)}, "
+        f"hip {number(walks['r2_hip'], 3)})"
     )
