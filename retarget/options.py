@@ -46,7 +46,7 @@ retarget_options = option_group(
     click.option(
         "--balance/--no-balance",
         default=None,
-        help="Displace the root of a walk from a depth sensor or a video until it is balanced over the soles; "
-        "runs stay as they are. Default: only for a tracker.",
+        help="Displace the root of a walk from a depth sensor or a video until it is balanced over the "
+        "soles. Default: only for a tracker, and never a run.",
     ),
 )
