@@ -20,8 +20,8 @@ _TO_READ = {
     "report.html": "how well the humanoid imitates the motion",
     "gait_report.html": "cadence, lengths, symmetry and curves, beside normal gait",
     "overlay.*": "the skeleton in the images of the capture",
-    "*.webm": "film of the humanoid and its reference",
-    "*.mp4": "film of the humanoid and its reference",
+    "*.webm": "video of the humanoid and its reference",
+    "*.mp4": "video of the humanoid and its reference",
 }
 _TO_OPEN = {"*.rrd": "recording for rerun"}
 _DATA = {

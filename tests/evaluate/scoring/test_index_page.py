@@ -35,7 +35,7 @@ def test_it_links_what_is_there_and_nothing_else(tmp_path: Path, walk: Motion) -
     write_index(tmp_path)
     page = (tmp_path / "index.html").read_text()
     assert links(page)[:3] == ["report.html", "overlay.webm", "walk.webm"]
-    assert page.count("film of the humanoid") == 1
+    assert page.count("video of the humanoid") == 1
     # The name of a capture is text.
     assert "made &lt;up&gt;.bvh" in page and "made <up>" not in page
 
