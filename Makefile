@@ -18,7 +18,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(FROM),--from "$(FROM)") $
 FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*' -not -path 'datasets/versions/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-# The fast engine is compiled from Bullet's sources: BULLET=fetched (by name, version and hash) or BULLET=system (an
+# The native engine is compiled from Bullet's sources: BULLET=fetched (by name, version and hash) or BULLET=system (an
 # installed Bullet). The default is the one that was built last.
 BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(VENV)/native-*))),fetched)
 NATIVE := $(VENV)/native-$(BULLET)
@@ -28,7 +28,7 @@ NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.
 .DEFAULT_GOAL := help
 
 help: ## Show this list
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 # $(call watched,WHAT,COMMAND): a line every 15 s while the command is silent, which pip and a compiler can be for
 # minutes. The sleep must not hold the output open after the end.
@@ -103,7 +103,7 @@ pushes: setup ## Find the hardest push that the policy survives, from each side 
 disturb: setup ## Test with forces, torques, obstacles or different ground: SCENARIO= name or file, TRIALS= (POLICY=walk for a shipped one)
 	$(KINEMIMIC) disturb $(SCENARIO) --run "$(RUN)" $(SHIPPED) $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-gait: setup ## Report cadence, stride, symmetry and curves of RUN= against the normal band
+gait: setup ## Report cadence, stride, symmetry and curves of RUN= against bands of children and adults
 	$(KINEMIMIC) gait --run "$(RUN)"
 
 view: setup ## Write a rerun recording (POLICY=walk for a shipped policy)
@@ -136,7 +136,7 @@ comparison: setup ## Train the policies that `study` compares (hours), into data
 	  --preset default --preset ddpg --preset a2c --preset sb3-ppo --seeds 3 --budgets 3e5,1e6 --limit ddpg=3e5 --limit sb3-ppo=3e5 --hidden 128,64 \
 	  --out runs/comparison --publish datasets/comparison $(if $(ENGINE),--engine "$(ENGINE)")
 
-overlay: setup ## Draw the skeleton into CAPTURE=, a depth recording's folder: RUN=/overlay.webm
+overlay: setup ## Draw the skeleton into CAPTURE=, a video or a depth recording's folder: RUN=/overlay.webm
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.webm"
 
 # dvc brings a hundred packages; only changes of the data set need them.
