@@ -75,7 +75,8 @@ class Gait:
     strides: those used, bout by bout; left_out: number of the others; bouts: by number, those of the strides;
     groups: (T,) number of the bout of each frame, -1 outside any; feet: foot events of each bout; belt: m/s
     at which the feet carry a body that stays in place, as on a treadmill, None over the ground; running:
-    whether most strides are running; leg: median length in metres, hip to knee to ankle.
+    whether most strides are running; leg: median length in metres, hip to knee to ankle; backward: number of
+    bouts of walking backward, which are left out.
     """
 
     strides: tuple[Stride, ...]
@@ -86,19 +87,24 @@ class Gait:
     belt: float | None
     running: bool
     leg: float
+    backward: int = 0
 
 
 def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gait:
     """The gait of a recording: times (T,), pass numbers (T,), -1 outside any pass, positions (T, 20, 3).
 
-    `strides` is empty if nobody walks for a full stride.
+    `strides` is empty if nobody walks a full stride forward: a foot that walks backward lands where its ankle
+    is farthest behind, and the norms are of walking forward.
     """
     found: list[Stride] = []
     feet: dict[int, FootEvents] = {}
     bouts: dict[int, Bout] = {}
     groups = np.full(len(times), -1, dtype=np.int32)
-    lacking = 0
+    lacking = backward = 0
     for bout in find_bouts(times, passes, positions):
+        if bout.backward:
+            backward += 1
+            continue
         one = detect_foot_events(times[bout.frames], bout)
         if one is not None:
             feet[bout.number], bouts[bout.number] = one, bout
@@ -118,6 +124,7 @@ def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> G
         belt=float(np.median(belts)) if 2 * len(belts) > len(kept) else None,
         running=2 * runs > len(kept),
         leg=_leg_length(positions),
+        backward=backward,
     )
 
 
@@ -153,6 +160,9 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
                 continue
             first, last = prints[foot][k : k + 2]
             between = prints[other][np.searchsorted(feet.strikes[other], opposite[0])]
+            if not np.isfinite([first, last, between]).all():
+                unseen += 1  # a foot that the bout never shows flat
+                continue
             length = float(np.hypot(*(last - first)))
             along = (last - first) / length
             across = np.array([-along[1], along[0]])

@@ -238,7 +238,7 @@ def _bout(
         )
         if not agree.all():
             parts = [strides[part] for part in runs(agree)]
-            return [part for part in parts if any(not one.transition for one in part)]
+            return [part for part in parts if any(one.walking for one in part)]
     velocity = along_heading(np.column_stack([path.velocity, np.zeros(len(inside))]), heading)[:, :2]
     speed = float(np.mean(velocity[walking, 0]))
     if path.source == "feet":

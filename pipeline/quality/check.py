@@ -73,9 +73,9 @@ def check_capture(recorded: Clip) -> CheckedCapture:
     read = [defect_from_json(record) for record in recorded.provenance["reading"]["defects"]]
     clip, defects = recorded, list[Defect]()
     for repair in _BODY_RULES:
-        clip, found = repair(clip)
-        defects += found
-    read = _renumbered(read, recorded, clip)
+        repaired, found = repair(clip)
+        # At once: by the time a rule has changed the clock, frames are not known by their times any more.
+        read, defects, clip = _renumbered(read, clip, repaired), [*defects, *found], repaired
     clip, acquisition = _passes(clip)
     refused = [one for one in defects if one.action == "refused"]
     if refused or acquisition.count == 0:
@@ -141,7 +141,9 @@ def planned_steps(checked: CheckedCapture) -> list[str]:
 def _no_subject(clip: Clip, acquisition: Acquisition) -> Defect:
     seen = any(event.reason == "subject seen" for event in acquisition.events)
     if seen:
-        text = f"all {acquisition.discarded} passes are shorter than {MIN_PASS_DURATION} s"
+        count = acquisition.discarded
+        which = "the only pass is" if count == 1 else f"all {count} passes are"
+        text = f"{which} shorter than {MIN_PASS_DURATION} s"
         return Defect("gaps", acquisition.discarded, "passes", "refused", text)
     frames = len(clip.times)
     if acquisition.repeats.nobody.all():

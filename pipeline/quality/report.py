@@ -15,6 +15,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics, share
 from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.pipeline.quality.passes import Acquisition
@@ -91,7 +92,7 @@ def quality_table(report: dict[str, Any]) -> RenderableType:
         f"{report['frames']} frames at {clock['rate_hz']:.1f} Hz (jitter {clock['jitter_ms']:.1f} ms, "
         f"longest step {clock['longest_step_ms']:.0f} ms), {report['complete_frames']} of "
         f"{report['frames_in_passes']} in passes complete",
-        f"{len(passes)} pass{'es' if len(passes) != 1 else ''}, {seconds:.1f} s; "
+        f"{plural(len(passes), 'pass', 'passes')}, {seconds:.1f} s; "
         f"{report['passes_discarded']} too short to use",
         *report["notes"],
         *_defect_lines(report["defects"]),

@@ -61,9 +61,8 @@ def mark_frozen(clip: Clip, repeats: LongRepeats) -> tuple[Clip, list[Defect]]:
     if (frozen := repeats.frozen & (clip.passes >= 0)).any():
         count, places = int(frozen.sum()), list(runs(frozen))
         text = (
-            f"{plural(count, 'frame')} in {plural(len(places), 'place')} repeat the pose before for "
-            f"{MAX_ABSENCE} to {CLOCK_GAP} s while the body moves, {_at(clip, frozen)}: the sensor froze; "
-            "removed"
+            f"the sensor froze in {plural(len(places), 'place')} ({_at(clip, frozen)}): the same pose for "
+            f"{MAX_ABSENCE} to {CLOCK_GAP} s although the body moves; {plural(count, 'frame')} emptied"
         )
         clip = empty_frames(clip, frozen)
         found.append(Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(frozen)))

@@ -88,18 +88,19 @@ def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
     # Each stretch of steps has its own parity.
     aside = _aside(even.positions)
     out = np.zeros(len(distance), dtype=np.bool_)
-    count, start, changes = 0, 0, list[int]()
-    for k, (one, other) in enumerate(pairwise(peaks)):
-        within = (other - one) / RATE <= STEP_TIMES[1]
+    stretches: list[tuple[int, list[int]]] = [(0, [])]
+    for one, other in pairwise(peaks.tolist()):
         meeting = int(one + np.argmin(distance[one : other + 1]))
-        if within and ahead[one] * ahead[other] > 0.0 and distance[meeting] < MEETING * amplitude:
-            changes.append(meeting)
-        if not within or k == len(peaks) - 2:
-            end = int(other) if within else int(one)
-            end = len(distance) if k == len(peaks) - 2 else end
-            out[start:end] = _exchanged_parts(changes, start, end, aside)
-            count += sum(bool(out[change] != out[change - 1]) for change in changes)
-            start, changes = end, []
+        if (other - one) / RATE > STEP_TIMES[1]:
+            stretches.append((one, []))
+        elif ahead[one] * ahead[other] > 0.0 and distance[meeting] < MEETING * amplitude:
+            stretches[-1][1].append(meeting)
+    count = 0
+    for (start, changes), end in zip(
+        stretches, [*(start for start, _ in stretches[1:]), len(out)], strict=True
+    ):
+        out[start:end] = _exchanged_parts(changes, start, end, aside)
+        count += sum(bool(out[change] != out[change - 1]) for change in changes)
     after = np.searchsorted(even.times, times).clip(0, len(even.times) - 1)
     return out[after], count
 

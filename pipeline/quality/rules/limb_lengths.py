@@ -70,6 +70,7 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
     spread = max(
         _spread(bones[f"{side} {bone}"]) for side in ("left", "right") for bone in ("thigh", "shank")
     )
+    intro = ""
     if not wrong and leg < CHILD_LEG and spread > RIGID_SPREAD:
         if not _within(thigh / shank, CHILD_THIGH_TO_SHANK):
             wrong.append(f"thigh {thigh / shank:.2f} times the shank")
@@ -78,17 +79,14 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
         # On its own, this only indicates a noisy sensor.
         if wrong and spread > CHILD_SPREAD:
             wrong.append(f"length of a leg bone varies by {100 * spread:.0f} %")
-        if wrong:
-            wrong.insert(0, f"thigh {thigh:.2f} m and shank {shank:.2f} m, as in a small child, but")
+        intro = f"thigh {thigh:.2f} m and shank {shank:.2f} m, as in a small child, but "
     if not wrong:
         return []
-    small = wrong[0].endswith("but")
-    joined = f"{wrong[0]} {', '.join(wrong[1:])}" if small else ", ".join(wrong)
     text = (
-        f"impossible limb lengths: {joined}: no body has them, so the sensor tracked something else "
+        f"impossible limb lengths: {intro}{', '.join(wrong)}: no body has them, so the sensor tracked something else "
         "(furniture, a treadmill), or columns or joint names are mixed up"
     )
-    return [Defect("impossible_limbs", len(wrong) - small, "measures", "refused", text)]
+    return [Defect("impossible_limbs", len(wrong), "measures", "refused", text)]
 
 
 def _drifting(bones: dict[str, Array]) -> list[Defect]:

@@ -55,9 +55,9 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     knees = foot_and_knee_directions(select_frames(clip, swapped))[1]
     if len(knees) < MIN_SAMPLES or np.mean(knees < 0) < MIN_FORWARD_KNEES:
         return clip, []
-    plural = "es" if len(backward) > 1 else ""
     numbers = ", ".join(map(str, backward))
-    text = f"seen from behind in pass{plural} {numbers}: walks backward on knees that bend forward; "
+    passes = "pass" if len(backward) == 1 else "passes"
+    text = f"seen from behind in {passes} {numbers}: walks backward on knees that bend forward; "
     count, frames = int(swapped.sum()), frame_runs(swapped)
     if clip.euler is not None:
         text += "left as recorded: Euler channels cannot be swapped"

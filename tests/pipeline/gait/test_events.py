@@ -155,6 +155,15 @@ def test_a_stride_with_a_pause_is_no_usual_one() -> None:
     assert parameters(gait)["stride_time_s"]["both"]["mean"] == pytest.approx(truth("walk").period, rel=0.01)
 
 
+def test_a_walk_backward_is_left_out_and_counted() -> None:
+    """Its foot lands where the ankle is farthest behind: strikes and foot-offs would be exchanged."""
+    shown = walk(300)
+    gait = study(shown, shown.joints[::-1])
+    assert (gait.backward, gait.strides, gait.left_out) == (1, (), 0)
+    assert (gait.groups < 0).all()
+    assert study(shown).backward == 0
+
+
 def test_nobody_walks() -> None:
     standing = np.repeat(walk(1).joints, 90, axis=0)
     times = np.arange(90) / 30

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.gait import parameters as module
+from kinemimic.pipeline.gait.events import FootEvents
 from kinemimic.pipeline.gait.parameters import Gait, Stride, normalised, parameters, summary, symmetry_index
 
 
@@ -40,3 +42,23 @@ def test_parameters_by_hand() -> None:
     without = normalised(gait)
     assert without["speed"] == pytest.approx(1.1 / np.sqrt(9.81 * 0.9))
     assert without["stride_length"] == pytest.approx((1.2 + 1.32 + 1.1) / 3 / 0.9)
+
+
+def test_a_stride_whose_steps_are_not_known_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = np.arange(0.0, 3.0, 0.01)
+    none = np.zeros((len(times), 3))
+    feet = FootEvents(
+        times,
+        none,
+        np.stack([none, none], axis=1),
+        np.ones((len(times), 2), dtype=np.bool_),
+        (np.array([0.1, 1.1, 2.1]), np.array([0.6, 1.6])),
+        (np.array([0.7, 1.7]), np.array([0.2, 1.2, 2.2])),
+    )
+    left = np.array([[0.0, 0.0], [1.2, 0.0], [2.4, 0.0]])
+    for last, used in (([1.8, -0.1], 3), ([np.nan, np.nan], 1)):
+        right = np.array([[0.6, -0.1], last])
+        monkeypatch.setattr(module, "footprints", lambda _, right=right: (left, right))
+        strides, unseen = module._strides(0, feet)
+        assert (len(strides), unseen) == (used, 3 - used)
+        assert np.isfinite([one.step_length for one in strides]).all()

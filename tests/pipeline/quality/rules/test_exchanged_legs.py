@@ -56,6 +56,26 @@ def test_legs_exchanged_from_one_crossing_to_another_come_back_exactly(seed: int
     assert not (wrong & ~near).any()
 
 
+def test_a_last_step_after_a_stand_does_not_inherit_the_exchanges_of_the_walk() -> None:
+    clip = sensor()
+    at = crossings(clip)
+    # Exchanged to the end of the walk; then a stand of two seconds, feet together, and one more step.
+    stand = at[-3]
+    broken = exchanged(clip, (at[-6], stand))
+    frames = np.r_[0:stand, np.full(60, stand), stand : at[-2]]
+    longer = replace(
+        broken,
+        times=np.arange(len(frames)) / 30.0,
+        positions=broken.positions[frames],
+        states=broken.states[frames],
+        passes=broken.passes[frames],
+    )
+    repaired, _ = exchanged_legs.repair(longer)
+    wrong = np.linalg.norm(repaired.positions - clip.positions[frames], axis=-1).max(axis=1) > 1e-9
+    assert not wrong[stand:].any()
+    assert not wrong[at[-6] + 3 : at[-4]].any()
+
+
 def test_a_walk_without_exchanges_is_unchanged() -> None:
     for seed in range(4):
         clip = sensor(seed)
