@@ -137,6 +137,7 @@ PREPARED: dict[str, Prepare] = {
     "installation.md": nothing,
     "pushes.md": nothing,
     "python.md": recording,
+    "record.md": recording,
     "retarget.md": trained,
     "scaling.md": trained,
     "scenarios.md": scenario,
