@@ -18,17 +18,20 @@ from kinemimic.evaluate.batch.task import Row
 from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
 from kinemimic.pipeline.inspect.files_table import common_folder, reasons
+from kinemimic.pipeline.plural import plural
 
 
 def counts(rows: Sequence[Row]) -> dict[str, Any]:
     """The numbers of captures, of accepted motions by kind, and of refusals by stage."""
     accepted = [row for row in rows if row["status"] == ACCEPTED]
+    # `--to ingest` and `--to clip` end before there is a motion.
+    motions = [row for row in accepted if row["kind"] is not None]
     return {
         "captures": len(rows),
         "accepted": len(accepted),
-        "loops": sum(bool(row["cyclic"]) for row in accepted),
-        "as_recorded": sum(not row["cyclic"] for row in accepted),
-        "kinds": dict(Counter(row["kind"] for row in accepted)),
+        "loops": sum(bool(row["cyclic"]) for row in motions),
+        "as_recorded": sum(not row["cyclic"] for row in motions),
+        "kinds": dict(Counter(row["kind"] for row in motions)),
         "performed": sum(row["verdict"] is not None for row in accepted),
         "refused": dict(Counter(row["stage"] for row in rows if row["status"] == REFUSED)),
         "failed": sum(row["status"] == FAILED for row in rows),
@@ -99,11 +102,9 @@ def _captures(rows: Sequence[Row], shared: Path) -> Table:
 
 def _totals(counted: Mapping[str, Any]) -> Table:
     table = key_value_table()
-    table.add_row(
-        "accepted",
-        f"{counted['accepted']} of {counted['captures']}: {counted['loops']} loops, "
-        f"{counted['as_recorded']} as recorded",
-    )
+    loops = plural(counted["loops"], "loop")
+    kinds = f": {loops}, {counted['as_recorded']} as recorded" if counted["kinds"] else ""
+    table.add_row("accepted", f"{counted['accepted']} of {counted['captures']}{kinds}")
     for title, key in (("kinds", "kinds"), ("refused by", "refused")):
         if counted[key]:
             table.add_row(title, ", ".join(f"{name} {count}" for name, count in counted[key].items()))

@@ -18,7 +18,6 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 
 BOTH = "both"  # the name of this subject
-_BOTH = ("motion.json", "trajectory.npz")
 _BOTH = ("motion.json", "trajectory.npz")  # the files that it is made of
 _GHOST = 0.4  # opacity of the reference
 

@@ -159,7 +159,7 @@ def export_run(
     """
     chosen = FORMATS if "all" in formats else formats
     if what and (bodies := [form for form in formats if form in NO_MOTION]):
-        raise KinemimicError(f"expected formats of a motion, found {', '.join(bodies)}; leave out `what`")
+        raise KinemimicError(f"expected formats of a motion, found {', '.join(bodies)}; leave out --what")
     if what:
         chosen = [form for form in chosen if form not in NO_MOTION]
     # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
@@ -169,9 +169,11 @@ def export_run(
     with stage(run, "export", adds=True) if out is None else reading(run, "export") as staging:
         if BOTH in what or GLB in formats:
             require_both(run)
-        pair = pair_of_run(run) if BOTH in what or (not what and has_both(run)) else None
+        paired = not PAIR_WRITERS.keys().isdisjoint(chosen) and (BOTH in what or (not what and has_both(run)))
+        pair = pair_of_run(run) if paired else None
         named = [one for one in what if one != BOTH]
-        sources = {} if what and not named else sources_of_run(run, named, number)
+        alone = not WRITERS.keys().isdisjoint(chosen) and (not what or named)
+        sources = sources_of_run(run, named, number) if alone else {}
         if policy is not None or pair is not None or "simulated" in sources:
             say(unfinished_policy(run) or unfinished_rollouts(run))
         into = out or Path(staging or run) / "export"

@@ -27,8 +27,8 @@ from kinemimic.train.task.observation_layout import layout
 # The action of `ImitationBatch` at 1. The shipped policies' largest is 0.45.
 ACTION_LIMIT = 0.5
 RENDER_MODES = ("rgb_array",)
-# Largest absolute values of the parts of an observation, in their units (`observation_layout.py`). All but
-# the height and the angular velocity cannot be larger; those of a humanoid that walks are a tenth of it.
+# Largest absolute values of the parts of an observation, in their units (`observation_layout.py`). The height
+# and the angular velocity of a humanoid that walks are a tenth of theirs; the others cannot be larger.
 _BOUNDS = {
     "phase": 1.0,
     "height": 10.0,
@@ -38,6 +38,10 @@ _BOUNDS = {
     "angular": 1000.0,
     "turns": np.pi,
     "way": 1.0,
+    # Clipped in the world, then turned; differences of two velocities.
+    "way_to_reference": np.sqrt(2.0),
+    "linear_to_reference": 2.0 * MAX_SPEED,
+    "angular_to_reference": 2000.0,
 }
 
 
@@ -69,7 +73,8 @@ def checked_render_mode(mode: str | None) -> str | None:
 def spaces(config: EnvConfig) -> tuple[Box[np.float32], Box[np.float32]]:
     """Spaces of one environment's observations (O,) and actions (42,)."""
     parts = layout(config)
-    bounds = [_BOUNDS[part["name"].partition("_")[0]] for part in parts]
+    names = [part["name"] for part in parts]
+    bounds = [_BOUNDS[name if name in _BOUNDS else name.partition("_")[0]] for name in names]
     high = np.repeat(bounds, [part["size"] for part in parts]).astype(np.float32)
     return Box(-high, high, dtype=np.float32), Box(-1.0, 1.0, (ACTIONS,), np.float32)
 

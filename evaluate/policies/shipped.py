@@ -79,7 +79,9 @@ class ShippedPolicies:
         names = self.names()
         if name not in names and name not in self.trackers() and not (Path(name) / POLICY).is_file():
             available = ", ".join((*names, *self.trackers())) or "none in this version"
-            raise KinemimicError(f"expected a shipped policy ({available}), found {name!r}")
+            raise KinemimicError(
+                f"expected a shipped policy ({available}) or a folder with a tracker, found {name!r}"
+            )
         with locked(run):
             prepare = self._prepare if name in names else self._prepare_tracker
             prepare(name, run, capture)
@@ -187,11 +189,15 @@ def evaluated(run: Path) -> bool:
 
 
 def run_options(
-    *, then: Callable[[Path], None] | None = None, optional: bool = False
+    *,
+    check: Callable[[Mapping[str, Any]], None] | None = None,
+    then: Callable[[Path], None] | None = None,
+    optional: bool = False,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """--run, --policy and --capture for a command whose function takes only the run folder, as `run`.
 
-    With --policy, the folder (by default runs/policy-NAME) is prepared first, and passed to `then`.
+    With --policy, the folder (by default runs/policy-NAME) is prepared first, and passed to `then`, which may
+    take long; `check` gets the command's other options before.
     optional: the command also works without a folder, and gets None if none is chosen.
     A `ShippedPolicies` as the context's object replaces the default.
     """
@@ -201,6 +207,8 @@ def run_options(
         def prepared(run: Path | None, policy: str | None, capture: Path | None, **options: Any) -> None:
             if policy is None and capture is not None:
                 raise click.UsageError("--capture is the recording of a policy: add --policy")
+            if check is not None:
+                check(options)
             folder = run or (Path(f"runs/policy-{policy}") if policy else None if optional else only_run())
             if policy is not None and folder is not None:
                 shipped_policies().prepare(policy, folder, capture=capture)

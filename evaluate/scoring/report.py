@@ -101,6 +101,8 @@ def report(inputs: ReportInputs, data: ReportData) -> str:
     sections = capture_values(inputs.quality, inputs.gimbal, inputs.gait)
     gait = gait_report(inputs.captured, data.motion, data.trajectory)
     found_verdict = verdict(data.scores)
+    # A loop whose strides could not be cut is drawn over time.
+    by_cycle = data.motion.cyclic and any(one["curves"] for one in _strided(gait["subjects"]).values())
     return render(
         Path(__file__).with_name("templates") / "report.html",
         **gait_values(gait),
@@ -118,9 +120,15 @@ def report(inputs: ReportInputs, data: ReportData) -> str:
         advice=found_verdict.advice,
         numbers=tiles(data.scores, data.trajectory),
         loop=loop(data.trajectory, data.motion),
+        by_cycle=by_cycle,
         cycle_strides=_strides(gait["subjects"]),
-        drawings=_drawings(data, gait["subjects"]),
+        drawings=_drawings(data, gait["subjects"], by_cycle=by_cycle),
     )
+
+
+def _strided(subjects: Mapping[str, Any]) -> dict[str, Any]:
+    """Reference and simulation, as far as they have strides."""
+    return {name: subjects[name] for name in ("reference", "simulated") if name in subjects}
 
 
 def _strides(subjects: Mapping[str, Any]) -> str:
@@ -226,16 +234,16 @@ def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _drawings(data: ReportData, subjects: Mapping[str, Any]) -> dict[str, Draw | None]:
+def _drawings(data: ReportData, subjects: Mapping[str, Any], *, by_cycle: bool) -> dict[str, Draw | None]:
     """Figures by name; first: the one of the first screen."""
     trajectory, no_policy = data.trajectory, data.no_policy
     frames, cyclic = data.scores["fit"]["frames"], data.motion.cyclic
     rows = errors_before_fall(trajectory, frames)[1:]
     errors = {joint: [np.nan if (e := row[joint]) is None else e for row in rows] for joint in SCORED_JOINTS}
-    strides = {name: subjects[name] for name in ("reference", "simulated") if name in subjects}
+    strides = _strided(subjects)
     return {
         "first": mean_cycle(strides, normal=any(one["kind"] == "walk" for one in strides.values()))
-        if cyclic and any(one["curves"] for one in strides.values())
+        if by_cycle
         else figures.both_sides(trajectory, shown_rollout(trajectory)),
         "curves": figures.curves(trajectory, no_policy, frames),
         "cycles": None

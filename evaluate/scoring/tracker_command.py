@@ -50,7 +50,10 @@ def evaluate_tracker(
         if entry.subject != VARIANTS and split in (None, entry.split)
     ]
     if not indices:
-        raise KinemimicError(f"{source}: expected recorded motions of the part {split}, found none")
+        part = f" of the part {split}" if split else ""
+        raise KinemimicError(
+            f"{source}: expected recorded motions{part}, found none; variants are not scored"
+        )
     engine = resolve(engine)
     with progress("evaluate", len(indices), unit="motions") as bar:
         rows = score_library(

@@ -7,8 +7,10 @@ import re
 import shlex
 import shutil
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 import rerun as rr
@@ -173,6 +175,18 @@ def _evaluate_if_needed(run: Path) -> None:
         evaluate(run)
 
 
+def _check_options(given: Mapping[str, Any]) -> None:
+    """Before a policy is evaluated for `view`, which takes a minute."""
+    if given["named"] is None and (given["number"] or given["seed"]):
+        raise click.UsageError("--trial and --seed need --scenario")
+    if given["picture"] is None and given["at"] is not None:
+        raise click.UsageError("--at needs --screenshot")
+    if given["movie"] is not None:
+        require_encoder(given["movie"])
+    elif without := [name for name in ("seconds", "size", "camera", "theme") if given[name] is not None]:
+        raise click.UsageError(f"--{without[0]} needs --video")
+
+
 class _Size(click.ParamType[tuple[int, int]]):
     """Width and height of a picture, such as 1280x720."""
 
@@ -192,7 +206,7 @@ class _Size(click.ParamType[tuple[int, int]]):
 
 
 @click.command("view")
-@run_options(then=_evaluate_if_needed)
+@run_options(check=_check_options, then=_evaluate_if_needed)
 @click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
 @click.option("--at", type=FiniteRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
 @click.option("--video", "movie", type=FILE, help="Also draw simulated figure and reference as .webm.")
@@ -244,15 +258,6 @@ def command(
       kinemimic view --run runs/walk --video walk.webm --size 1280x720 --camera side
       kinemimic view --policy walk --scenario room --trial 3
     """
-    if named is None and (number or seed):
-        raise click.UsageError("--trial and --seed need --scenario")
-    if picture is None and at is not None:
-        raise click.UsageError("--at needs --screenshot")
-    options = {"seconds": seconds, "size": size, "camera": camera, "theme": theme}
-    if movie is None and (without := [name for name, value in options.items() if value is not None]):
-        raise click.UsageError(f"--{without[0]} needs --video")
-    if movie is not None:
-        require_encoder(movie)
     say(unfinished_rollouts(run) if named is None else unfinished_policy(run))
     recording, scene = _record(run) if named is None else _record_trial(run, read(named), number, seed)
     if picture is not None:

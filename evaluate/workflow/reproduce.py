@@ -104,9 +104,13 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
         )
     if recipe.recording:
         (folder / MOTION).unlink(missing_ok=True)
+    # The policy last: a folder without one is not listed.
+    (folder / POLICY).unlink(missing_ok=True)
     for name in ships:
-        copy_file(run / name, folder / name)
+        if name != POLICY:
+            copy_file(run / name, folder / name)
     write_json(folder / RECORD, {**record, "imitates": motion_summary(motion)})
+    copy_file(run / POLICY, folder / POLICY)
     return folder
 
 

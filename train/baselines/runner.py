@@ -35,9 +35,10 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES
 from kinemimic.train.rollout.sampler import INFERENCE, EnvStates, Sampler
 from kinemimic.train.runner.base import ROLLOUT, UPDATE, TrainingProgress, normalized_loss
+from kinemimic.train.runner.tensors import MEMORY, below, restore_optimizer
 from kinemimic.train.task.timer import Seconds, Timer, split
 
-_POLICY, _OPTIMIZER, _MEMORY = "policy.", "optimizer.", "memory."
+_POLICY, _OPTIMIZER = "policy.", "optimizer."
 _RANDOM = "random.torch"
 _CRITIC_SAMPLES = 4096  # of the replay buffer, to measure its critic
 
@@ -122,7 +123,7 @@ class BaselineAlgorithm:
         if isinstance(self.model, OffPolicyModel):
             tensors |= entropy_weight(self.model)
         if self.memory is not None:
-            tensors |= {_MEMORY + name: value for name, value in self.memory.tensors().items()}
+            tensors |= {MEMORY + name: value for name, value in self.memory.tensors().items()}
         return tensors
 
     def record(self) -> dict[str, Any]:
@@ -135,13 +136,9 @@ class BaselineAlgorithm:
         }
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, Any]) -> None:
-        self.model.policy.load_state_dict(_below(_POLICY, tensors))
+        self.model.policy.load_state_dict(below(_POLICY, tensors))
         for kind, optimizer in optimizers(self.model).items():
-            saved, slots = optimizer.state_dict(), dict[int, dict[str, Tensor]]()
-            for name, value in _below(f"{_OPTIMIZER}{kind}.", tensors).items():
-                index, slot = name.split(".")
-                slots.setdefault(int(index), {})[slot] = value
-            optimizer.load_state_dict({**saved, "state": slots})
+            restore_optimizer(optimizer, below(f"{_OPTIMIZER}{kind}.", tensors))
         if isinstance(self.model, OffPolicyModel):
             for name, weight in entropy_weight(self.model).items():
                 weight.copy_(tensors[name])
@@ -151,14 +148,10 @@ class BaselineAlgorithm:
         statistics.count = record["normalizer_count"]
         self.random.restore(record["random"], tensors[_RANDOM])
         if self.memory is not None:
-            self.memory.restore(_below(_MEMORY, tensors), record["memory_position"])
+            self.memory.restore(below(MEMORY, tensors), record["memory_position"])
         self.progress = TrainingProgress(**record["progress"])
         self.model.num_timesteps = self.progress.samples
         self.model._n_updates = record["updates"]
-
-
-def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
 class _RolloutMonitor(BaseCallback):

@@ -21,6 +21,7 @@ from kinemimic.train.ppo.objective import ActorBatch, kl_divergence, log_prob, p
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner.base import TrainingProgress, normalized_loss
+from kinemimic.train.runner.tensors import below, restore_optimizer
 from kinemimic.train.task.env import ACTIONS, observation_size
 
 Array = NDArray[np.float32]
@@ -254,19 +255,7 @@ class PpoAlgorithm:
         self.normalizer.mean = tensors["normalizer.mean"].numpy().copy()
         self.normalizer.squares = tensors["normalizer.squares"].numpy().copy()
         for kind, optimizer in (("actor", self.actor_optimizer), ("critic", self.critic_optimizer)):
-            saved = optimizer.state_dict()
-            prefix = f"optimizer.{kind}."
-            slots: dict[int, dict[str, Tensor]] = {}
-            weights = optimizer.param_groups[0]["params"]
-            for name, value in tensors.items():
-                if name.startswith(prefix):
-                    index, slot = name.removeprefix(prefix).split(".")
-                    # torch does not check the shape, and would fail in the next round.
-                    if value.ndim and value.shape != weights[int(index)].shape:
-                        raise ValueError(f"{name} of shape {tuple(value.shape)}")
-                    slots.setdefault(int(index), {})[slot] = value
-            saved["state"] = slots
-            optimizer.load_state_dict(saved)
+            restore_optimizer(optimizer, below(f"optimizer.{kind}.", tensors))
         for group in self.actor_optimizer.param_groups:
             group["lr"] = self.progress.actor_rate
 

@@ -152,6 +152,7 @@ def _falls_once(outcome: Outcome) -> str:
 def _falls(outcome: Outcome) -> str:
     """The headline of falls from several start phases."""
     frames, fallen = outcome.frames, outcome.phases - outcome.upright
+    upright: float | None
     if outcome.upright:
         upright, note, first = outcome.first, "", "the earliest "
         which = f"{fallen} of {outcome.phases} phases"

@@ -24,12 +24,12 @@ from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.runner.base import Algorithm
+from kinemimic.train.runner.tensors import MEMORY, below
 
 CHECKPOINT = "checkpoint.safetensors"
 CURVES = "tensorboard"  # the folder of the events beside it
 CHECKPOINT_SCHEMA = 7
 _ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
-_MEMORY = "memory."  # a baseline's replay buffer, among the algorithm's arrays
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -114,15 +114,15 @@ def _load(
 ) -> None:
     """KeyError, TypeError, ValueError or RuntimeError for content that `save` would not write."""
     algorithm = training.algorithm
-    tensors = {name: torch.from_numpy(array) for name, array in _below(_ALGORITHM, arrays).items()}
+    tensors = {name: torch.from_numpy(array) for name, array in below(_ALGORITHM, arrays).items()}
     for name, own in algorithm.tensors().items():
         # A replay buffer grows; everything else has the size that it has before training.
-        if name.startswith(_MEMORY):
+        if name.startswith(MEMORY):
             continue
         if (tensors[name].shape, tensors[name].dtype) != (own.shape, own.dtype):
             raise ValueError(f"{name} of shape {tuple(tensors[name].shape)} and type {tensors[name].dtype}")
     algorithm.restore(tensors, record)
-    env_states, best = _below(_ENV_STATES, arrays), _below(_BEST, arrays)
+    env_states, best = below(_ENV_STATES, arrays), below(_BEST, arrays)
     for name, array in env_states.items():
         if array.shape[:1] != (algorithm.config.num_envs,):
             raise ValueError(f"{name} of shape {array.shape} for {algorithm.config.num_envs} environments")
@@ -135,8 +135,3 @@ def _load(
 
 def _named(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:
     return {prefix + name: np.asarray(array, order="C") for name, array in arrays.items()}
-
-
-def _below(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:
-    """The arrays whose names begin with the prefix, without it."""
-    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}

@@ -69,7 +69,10 @@ class SteeredReference(Reference):
     def __init__(self, motion: Motion, route: Route) -> None:
         super().__init__(motion)
         if not motion.cyclic or abs(motion.cycle_offset[1]) >= 0.05 * motion.cycle_offset[0]:
-            raise KinemimicError("a route: expected a gait along the x-axis to steer, found another motion")
+            raise KinemimicError(
+                "expected a straight walk or run to steer along the scenario's route, found another motion; "
+                "make one with `kinemimic retarget --straighten`"
+            )
         self._route = route
 
     def bodies(self, phase: Array) -> BodyStates:

@@ -38,8 +38,8 @@ def resolve(engine: str) -> str:
     elif engine == "native" and trouble:
         raise KinemimicError(f"expected the native engine, found that {trouble}; or use --engine pybullet")
     if engine == "pybullet" and find_spec("pybullet") is None:
-        native = f"the native engine, but {trouble}" if trouble else "--engine native"
-        raise KinemimicError(f"expected pybullet, found none: its wheels end at Python 3.11; use {native}")
+        native = f"the native engine cannot be used either ({trouble})" if trouble else "use --engine native"
+        raise KinemimicError(f"expected pybullet, found none: its wheels end at Python 3.11; {native}")
     return engine
 
 

@@ -30,12 +30,14 @@ def layout(config: EnvConfig) -> list[dict[str, Any]]:
         ("linear", 3 * bodies, "velocity of every body's centre of mass, m/s"),
         ("angular", 3 * bodies, "angular velocity of every body, rad/s"),
     ]
+    leash = ""
     if config.tracking is not None:
+        leash = f", without what the pelvis lags horizontally beyond {config.tracking.leash} m"
         parts += [
             (
                 "way_to_reference",
                 3 * bodies,
-                "from every body to its reference now, m, within ±1 in the world",
+                f"from every body to its reference now, m, within ±1 in the world{leash}",
             ),
             ("linear_to_reference", 3 * bodies, "velocity that a body lacks of its reference's, m/s"),
             ("angular_to_reference", 3 * bodies, "angular velocity that it lacks, rad/s"),
@@ -43,7 +45,7 @@ def layout(config: EnvConfig) -> list[dict[str, Any]]:
     for k in config.preview:
         parts.append((f"turns_{k}", 3 * bodies, turns.format(f"{k} control steps ahead")))
     for k in config.preview:
-        way = f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1"
+        way = f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1{leash}"
         parts.append((f"way_{k}", 2, way))
     rows: list[dict[str, Any]] = []
     start = 0

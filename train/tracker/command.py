@@ -94,7 +94,11 @@ def _train(
         initial, record = load_tracker(path)
         settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
         if (settings.env.preview, settings.hidden) != (config.env.preview, config.hidden):
-            raise KinemimicError(f"{path}: expected a tracker with these networks and preview, found another")
+            raise KinemimicError(
+                f"{path}: expected a tracker with layers of {config.hidden} and a preview of "
+                f"{config.env.preview} control steps, found {settings.hidden} and {settings.env.preview}; "
+                "choose another --from"
+            )
         config = replace(config, start=file_hash(path), actor_rate=START_RATE)
     count = where.count(workers, config.num_envs)
     torch.set_num_threads(min(count, local_cores()))
@@ -151,7 +155,7 @@ def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, ide
               help="Folder of the policy and its checkpoint.")  # fmt: skip
 @click.option("--from", "start", metavar="POLICY",
               help="Start from this tracker, a name or a folder; its samples count.")  # fmt: skip
-@click.option("--budget", type=samples, help="Samples (control steps) in total, such as 60M.")
+@click.option("--budget", type=samples, help="Samples (control steps) in total. Default: 60M.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @engine_option
@@ -191,6 +195,8 @@ def command(
         f"after {best['samples']:,} samples"
     )
     click.echo(
-        f"{out / POLICY}: {record['samples']:,} samples in {in_minutes(record['seconds'])}, seed {seed}\n"
+        f"{out / POLICY}: {record['samples']:,} samples "
+        + ("" if start is None else "(with those of the start) ")
+        + f"in {in_minutes(record['seconds'])}, seed {seed}\n"
         f"`kinemimic run CAPTURE --policy {out}` performs with it."
     )

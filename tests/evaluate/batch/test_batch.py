@@ -270,7 +270,7 @@ def test_the_table_names_reasons_and_totals(
     text = capsys.readouterr().out
     assert re.search(r"walk\.skl +accepted +walk loop", text)
     assert re.search(r"more/broken\.bvh: line \d+", text)
-    assert re.search(r"accepted +1 of 2: 1 loops, 0 as recorded", text)
+    assert re.search(r"accepted +1 of 2: 1 loop, 0 as recorded", text)
 
 
 def test_without_an_accepted_motion_the_status_is_2(

@@ -85,6 +85,16 @@ def files(run: Path) -> list[dict[str, object]]:
     return json.loads(result.stdout)  # type: ignore[no-any-return]
 
 
+def test_the_body_alone_needs_no_motion(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "walk"
+    shutil.copytree(run, other)
+    (other / "trajectory.npz").write_bytes(b"damaged")
+    written = export_run(other, formats=["urdf", "mjcf"], out=tmp_path / "out")
+    assert [(one.what, one.format) for one in written] == [("humanoid", "urdf"), ("humanoid", "mjcf")]
+    with pytest.raises(KinemimicError, match=r"trajectory\.npz"):
+        export_run(other, formats=["bvh"], out=tmp_path / "out")
+
+
 def test_everything_is_written_and_listed_once(run: Path, files: list[dict[str, object]]) -> None:
     kinds = [(record["what"], record["format"]) for record in files]
     expected = [(what, form) for what in SOURCES for form in WRITERS]

@@ -69,7 +69,10 @@ def test_a_users_policy_or_motion_is_kept(shelf: ShippedPolicies, tmp_path: Path
 
 
 def test_available_policies_are_named(shelf: ShippedPolicies, tmp_path: Path) -> None:
-    with pytest.raises(KinemimicError, match=r"expected a shipped policy \(walk, kinect_walk\), found 'r'"):
+    with pytest.raises(
+        KinemimicError,
+        match=r"policy \(walk, kinect_walk\) or a folder with a tracker, found 'r'",
+    ):
         shelf.prepare("r", tmp_path / "run")
     with pytest.raises(KinemimicError, match="leave out --capture"):
         shelf.prepare("walk", tmp_path / "run", capture=tmp_path / "walk.skl")
@@ -151,6 +154,22 @@ def test_view_evaluates_the_policy_unless_it_has_been_evaluated(shelf: ShippedPo
     written = (run / SCORES).stat().st_mtime_ns
     assert invoke(["--policy", "walk"]).exit_code == 0
     assert (run / SCORES).stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--at", "3"], "--at needs --screenshot"),
+        (["--seconds", "3"], "--seconds needs --video"),
+        (["--trial", "3"], "--trial and --seed need --scenario"),
+    ],
+)
+def test_options_of_view_are_checked_before_the_policy_is_evaluated(
+    shelf: ShippedPolicies, options: list[str], message: str
+) -> None:
+    done = CliRunner().invoke(view.command, ["--policy", "walk", *options], obj=shelf)
+    assert done.exit_code == 2 and message in done.output
+    assert not Path("runs").exists()
 
 
 @pytest.mark.parametrize("scores", [{}, [], {"provenance": []}, {"provenance": {"inputs": "x"}}])
@@ -253,7 +272,7 @@ def test_the_list_shows_trackers_too(with_tracker: ShippedPolicies) -> None:
     write_json(with_tracker.folder / "tracker/scores.json", {"summary": [row]})
     listed = CliRunner().invoke(policies.command, obj=with_tracker)
     assert "tracker: any; 7 samples. Of 4 walks" in listed.output
-    assert "75 % from every start phase (R² knee 0.950, hip -)" in listed.output
+    assert "75 % end without a fall from every start phase (R² knee 0.950, hip -)" in listed.output
     found = json.loads(CliRunner().invoke(policies.command, ["--json"], obj=with_tracker).output)
     assert found[-1]["unseen_walks"]["motions"] == 4
     write_json(with_tracker.folder / "tracker/scores.json", {"summary": []})
