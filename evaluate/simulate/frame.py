@@ -13,6 +13,9 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.live.capture import LAG
 from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
 
+# In the words that a page shows, these tell its buttons what a click would do.
+PAUSED, RECORDING = "paused", "● recording into"
+
 
 @dataclass(frozen=True)
 class Frame:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import queue
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.inputs import Drag, Input, checked
+from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING, Frame
+from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Ground, Input, checked, finite
 from kinemimic.evaluate.simulate.recording import Recorder, next_folder
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import KinemimicError
@@ -49,6 +50,9 @@ class Loop:
     open_session: for what people choose; recordings: their folder; frames: what a live capture has sent until
     a time, in s since the loop began; waits: whether it can wait while the session is paused, as a file can;
     recorded: folders of the recordings.
+
+    Ground, carried weights and scenario stay as they were set when another session is opened, for a recording
+    or with another policy.
     """
 
     def __init__(
@@ -74,125 +78,199 @@ class Loop:
         self.paused = False
         self._steps_asked = 0
         self._frame: Frame | None = None
+        self._lasting: dict[tuple[type, str], Input] = {}
+        self._altered = False  # what is seen, since the last picture
+        self._idle = 0  # beats without a control step
 
-    def run(self, steps: int | None = None, ended: Callable[[], bool] | None = None, tail: int = 0) -> None:
-        """Run for a number of beats of the clock, None without end, or until `tail` beats after `ended`."""
-        beats = 0
+    def run(
+        self,
+        steps: int | None = None,
+        ended: Callable[[], bool] | None = None,
+        tail: int = 0,
+        *,
+        seconds: float | None = None,
+    ) -> None:
+        """Run for a number of beats of the clock, None without end, for `seconds` of real time, or until
+        `tail` control steps after `ended`."""
+        beats, left = 0, None
+        self._clock.restart()
+        end = None if seconds is None else time.monotonic() + seconds
         try:
-            while steps is None or beats < steps:
+            while (steps is None or beats < steps) and (end is None or time.monotonic() < end) and left != 0:
                 self._clock.wait()
-                self.beat()
+                advanced = self.beat()
                 beats += 1
-                if ended is not None and ended():
-                    steps, ended = min(steps or beats + tail, beats + tail), None
+                if left is not None:
+                    left -= advanced
+                elif ended is not None and ended():
+                    left = tail
         finally:
-            self._end_recording()
-            self.session.close()
+            try:
+                self._end_recording()
+            finally:
+                self.session.close()
 
-    def beat(self) -> None:
-        """Take the inputs, and do a control step unless the session is paused."""
-        self._take_inputs()
+    def beat(self) -> bool:
+        """Take the inputs, and do a control step unless the session is paused; whether one was done."""
+        asked = self._take_inputs()
         still = self.paused and not self._steps_asked
         sent: Sequence[CapturedFrame] = []
         if self._frames is not None and not (still and self._waits):
             sent = self._frames(self._beats / CONTROL_RATE)
             self._beats += 1
         if still:
-            if self._frame is not None:
-                self._page.show(self._frame, self._state())
-            return
+            self._rest(asked=asked)
+            return False
         self._steps_asked = max(0, self._steps_asked - 1)
         self._take_frames(sent)
         frame = self._frame = self.session.advance()
-        if self.recorder is not None:
-            self.recorder.advanced(self.session)
-            if self.recorder.full:
-                self._end_recording()
+        self._altered = False
+        self._write(lambda recorder: recorder.advanced(self.session))
+        if self.recorder is not None and self.recorder.full:
+            self._end_recording()
         self._page.draw(frame)
         if frame.step % SHOW_INTERVAL == 0 or self.paused:
             self._page.show(frame, self._state())
+        return True
 
-    def _take_inputs(self) -> None:
-        found: list[Any] = []
+    def _rest(self, *, asked: bool) -> None:
+        """A beat without a control step; asked: whether there were inputs."""
+        self._idle += 1
+        if self._altered:
+            shown = None if self._frame is None else self._frame.shown
+            self._frame = replace(self.session.look(), shown=shown)
+            self._altered = False
+            self._page.draw(self._frame)
+        if self._frame is not None and (asked or self._idle % CONTROL_RATE == 0):
+            self._page.show(self._frame, self._state())
+
+    def _take_inputs(self) -> bool:
+        """Take what waits; whether anything did."""
+        events: list[Any] = []
         while True:
             try:
-                found.append(self._page.waiting.get_nowait())
+                events.append(self._page.waiting.get_nowait())
             except queue.Empty:
                 break
-        for k, one in enumerate(found):
+        for k, event in enumerate(events):
             # Of several drags before one control step, only the last has an effect.
-            if isinstance(one, Drag) and any(isinstance(later, Drag) for later in found[k + 1 :]):
+            if isinstance(event, Drag) and any(isinstance(later, Drag) for later in events[k + 1 :]):
                 continue
             try:
-                self._take(one)
+                self._take(event)
             except KinemimicError as error:
                 self._page.tell(error)
+        return bool(events)
 
     def _take_frames(self, sent: Sequence[CapturedFrame]) -> None:
         """Frames of a live capture."""
         for frame in sent:
-            if self.recorder is not None:
-                self.recorder.input(self.session.step_count, frame)
+            self._record_input(frame)
             self.session.apply(frame)
 
-    def _take(self, one: Any) -> None:
-        if not isinstance(one, tuple):
-            self._apply(one)
+    def _take(self, event: Any) -> None:
+        if not isinstance(event, tuple):
+            self._apply(event)
             return
-        name, arguments = one
+        name, arguments = event
         if name == "toggle":
             self.paused = not self.paused
         elif name == "step":
             self.paused, self._steps_asked = True, self._steps_asked + 1
         elif name == "speed":
-            self._clock.speed = min(max(float(arguments[0]), 0.05), 1.0)
+            if finite(*arguments):
+                self._clock.speed = min(max(float(arguments[0]), 0.05), 1.0)
+        elif name == "look":
+            self._altered = True
         elif name == "record":
             self._end_recording() if self.recorder is not None else self.record()
         else:
             self._change(*arguments)
 
-    def _apply(self, found: Input) -> None:
-        found = checked(found)
-        self.session.apply(found)
-        if self.recorder is not None:
-            self.recorder.input(self.session.step_count, found)
+    def _apply(self, event: Input) -> None:
+        event = checked(event)
+        self.session.apply(event)
+        self._record_input(event)
+        if isinstance(event, Ground | Carry | Enter):
+            key = (type(event), event.body if isinstance(event, Carry) else "")
+            self._lasting.pop(key, None)  # so that the latest is the last
+            if not (isinstance(event, Enter) and not event.scenario):
+                self._lasting[key] = event
+        # A drag is sent again with every picture.
+        self._altered |= not isinstance(event, Drag)
 
     def _change(self, policy: str, motion: str, speed: float) -> None:
         performed = self._choose(policy, motion, speed)
         session = self._open(performed)
         self._end_recording()
-        self.session.close()
-        self.session, self._performed = session, performed
+        self._performed = performed
+        self._begin(session)
 
     def record(self) -> None:
         """A recording starts with a session of its own, in its first state."""
         session = self._open(self._performed)
-        self.session.close()
-        self.session = session
         folder = next_folder(self._recordings)
-        self.recorder = Recorder(
-            folder, self._performed.run, self._engine, restart=session.restart, speed=self._performed.speed,
-            live=session.live,
-        )  # fmt: skip
+        try:
+            self.recorder = Recorder(
+                folder, self._performed.run, self._engine, restart=session.restart,
+                speed=self._performed.speed, live=session.live,
+            )  # fmt: skip
+        except OSError as error:
+            session.close()
+            raise KinemimicError(f"cannot record: {error}") from None
         self.recorded.append(folder)
         self._page.tell(f"recording into {folder}")
+        self._begin(session)
+
+    def _begin(self, session: Session) -> None:
+        """Go on with another session, as people have set it."""
+        self.session.close()
+        self.session, self._altered = session, True
+        for event in list(self._lasting.values()):
+            try:
+                self._apply(event)
+            except KinemimicError as error:  # a scenario that this motion has no place for
+                self._lasting.pop((type(event), getattr(event, "body", "")))
+                self._page.tell(error)
+        self._clock.restart()
+
+    def _record_input(self, event: Input | CapturedFrame) -> None:
+        step = self.session.step_count
+        self._write(lambda recorder: recorder.input(step, event))
+
+    def _write(self, write: Callable[[Recorder], None]) -> None:
+        """Write to the recording, if there is one; one that cannot be written ends."""
+        if self.recorder is None:
+            return
+        try:
+            write(self.recorder)
+        except OSError as error:
+            self._page.tell(f"{self.recorder.folder} ends here: {error}")
+            self.recorder = None
 
     def _end_recording(self) -> None:
+        self._write(lambda recorder: recorder.close(self.session))
         if self.recorder is not None:
-            self.recorder.close(self.session)
-            self._page.tell(f"recorded: kinemimic simulate --replay --run {self.recorder.folder}")
+            self._page.tell(f"recorded: {replay_command(self.recorder.folder)}")
             self.recorder = None
 
     def _state(self) -> str:
         performed, session = self._performed, self.session
-        doing = "paused" if self.paused else "fallen" if self._frame and self._frame.fallen else "upright"
+        doing = PAUSED if self.paused else "fallen" if self._frame and self._frame.fallen else "upright"
         lines = [
             f"**{performed.policy}** performs **{performed.motion}**: {doing}, "
             f"{plural(session.falls, 'fall')}, {session.step_count / CONTROL_RATE:.0f} s",
             str(session.score() or "score: after the first second"),
-            f"{100.0 * self._clock.on_time:.1f} % of steps on time",
+            f"{100.0 * self._clock.lately_on_time:.1f} % of steps on time",
             *session.words(),
         ]
         if self.recorder is not None:
-            lines.insert(0, f"● recording into {self.recorder.folder}")
+            lines.insert(0, f"{RECORDING} `{self.recorder.folder}`")
+        elif self.recorded:
+            lines.append(f"recorded: `{replay_command(self.recorded[-1])}`")
         return "\n\n".join(lines)
+
+
+def replay_command(folder: Path) -> str:
+    """The command that simulates a recording again."""
+    return f"kinemimic simulate --replay --run {folder}"

@@ -7,6 +7,7 @@ the state. Every line is written at once, so that a killed process loses at most
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -87,7 +88,10 @@ def next_folder(recordings: Path) -> Path:
 
 
 class Recorder:
-    """Writes a session that begins now to a new folder. full: no more can be read back."""
+    """Writes a session that begins now to a new folder. full: no more can be read back.
+
+    OSError where the disk is full or the folder gone; nothing is left of a recording that cannot begin.
+    """
 
     def __init__(
         self,
@@ -100,12 +104,16 @@ class Recorder:
         live: LiveSettings | None = None,
     ) -> None:
         folder.mkdir(parents=True)
-        for name in COPIED if live else (MOTION, *COPIED):
-            copy_file(run / name, folder / name)
         self.folder, self._size, self._steps = folder, 0, 0
-        self._file = (folder / SESSION).open("x", encoding="utf-8")
         header = _Header(SCHEMA, engine, restart, speed, live)
-        self._write(msgspec.to_builtins(header))
+        try:
+            for name in COPIED if live else (MOTION, *COPIED):
+                copy_file(run / name, folder / name)
+            self._file = (folder / SESSION).open("x", encoding="utf-8")
+            self._write(msgspec.to_builtins(header))
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
 
     @property
     def full(self) -> bool:
@@ -116,10 +124,10 @@ class Recorder:
         self._size += self._file.write(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
         self._file.flush()
 
-    def input(self, step: int, found: Input | CapturedFrame) -> None:
+    def input(self, step: int, event: Input | CapturedFrame) -> None:
         """An input that was applied before control step `step`, from 0."""
-        kind = "frame" if isinstance(found, CapturedFrame) else "input"
-        self._write({"step": step, kind: msgspec.to_builtins(found)})
+        kind = "frame" if isinstance(event, CapturedFrame) else "input"
+        self._write({"step": step, kind: msgspec.to_builtins(event)})
 
     def advanced(self, session: Session) -> None:
         """A control step was done; every second, the digest of the state is written."""
@@ -131,8 +139,8 @@ class Recorder:
         """End the recording with its score."""
         score = session.score()
         last = {"step": session.step_count, "digest": session.digest()}
-        self._write({**last, "score": None if score is None else score.to_json()})
-        self._file.close()
+        with self._file:
+            self._write({**last, "score": None if score is None else score.to_json()})
 
 
 class Replay:

@@ -56,6 +56,24 @@ def test_a_long_pause_is_not_made_up_for(time: Time, clock: Clock) -> None:
     assert time.now == pytest.approx(before + 0.1)
 
 
+def test_late_beats_are_forgotten_after_ten_seconds(time: Time, clock: Clock) -> None:
+    clock.wait()
+    time.now += 0.25
+    clock.wait()
+    assert clock.lately_on_time == 0.5
+    for _ in range(100):
+        clock.wait()
+    assert clock.lately_on_time == 1.0
+    assert clock.late == 1
+
+
+def test_what_comes_before_the_first_beat_is_not_late(time: Time, clock: Clock) -> None:
+    time.now += 5.0
+    clock.restart()
+    clock.wait()
+    assert clock.late == 0
+
+
 def test_slow_motion_has_longer_beats(time: Time, clock: Clock) -> None:
     clock.wait()
     clock.speed = 0.5

@@ -14,9 +14,18 @@ from safetensors.numpy import load_file, save_file
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.inputs import Drag, Push, Release
+from kinemimic.evaluate.simulate.inputs import (
+    Carry,
+    Drag,
+    Enter,
+    Ground,
+    Push,
+    Release,
+    Restart,
+    Throw,
+)
 from kinemimic.evaluate.simulate.loop import Loop, Performance
-from kinemimic.evaluate.simulate.recording import SESSION, Replay, begin_session
+from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
 from kinemimic.evaluate.simulate.repertoire import Repertoire
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -173,3 +182,115 @@ def test_ctrl_c_ends_the_recording(loop: Loop, page: Page, tmp_path: Path) -> No
         loop.run()
     last = (tmp_path / "recordings" / "session-1" / SESSION).read_text().splitlines()[-1]
     assert json.loads(last)["step"] == 1
+
+
+def test_a_recording_that_cannot_be_written_ends_and_the_page_goes_on(
+    loop: Loop, page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page.waiting.put(("record", ()))
+    loop.beat()
+    session = loop.session
+    closed: list[bool] = []
+    monkeypatch.setattr(session, "close", lambda: closed.append(True))
+    monkeypatch.setattr(Recorder, "_write", full_disk)
+    page.waiting.put(Push("torso"))
+    loop.beat()
+    assert "session-1 ends here: no space left" in page.said[-1]
+    assert page.frames[-1].step == 2
+    page.waiting.put(("record", ()))
+    loop.beat()
+    assert "cannot record: no space left" in page.said[-1]
+    assert (loop.recorder, loop.session) == (None, session)
+    assert [one.name for one in loop.recorded] == ["session-1"]
+    assert not (tmp_path / "recordings" / "session-2").exists()
+    loop.run(1)
+    assert closed == [True]
+
+
+def full_disk(*_: object) -> None:
+    raise OSError("no space left")
+
+
+def test_a_session_is_closed_though_its_recording_cannot_be(
+    loop: Loop, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page.waiting.put(("record", ()))
+    loop.beat()
+    closed: list[bool] = []
+    monkeypatch.setattr(loop.session, "close", lambda: closed.append(True))
+    monkeypatch.setattr(Recorder, "_write", full_disk)
+    loop.run(0)
+    assert closed == [True]
+
+
+def test_a_recording_begins_with_what_the_sliders_show(loop: Loop, page: Page) -> None:
+    for event in (Ground(0.5, 0.05), Carry("hand_left", 3.0), Ground(0.4, 0.02), Enter("thrown-ball", 2)):
+        page.waiting.put(event)
+    loop.beat()
+    page.waiting.put(("record", ()))
+    loop.beat()
+    lines = [json.loads(line) for line in (loop.recorded[0] / SESSION).read_text().splitlines()]
+    shown = [(line["step"], line["input"]["type"]) for line in lines if "input" in line]
+    assert shown == [(0, "carry"), (0, "ground"), (0, "enter")]
+    assert lines[2]["input"]["slope"] == 0.02
+    assert page.frames[-1].loads[:, 2].min() == pytest.approx(-3.0 * 9.81)
+    page.waiting.put(Enter())
+    page.waiting.put(("choose", ("run", "run", 1.0)))
+    loop.beat()
+    assert page.frames[-1].step == 1
+    assert page.frames[-1].tilt.any()
+    assert page.said[1:] == [f"recorded: kinemimic simulate --replay --run {loop.recorded[0]}"]
+    loop._page.show(page.frames[-1], loop._state())
+    assert f"kinemimic simulate --replay --run {loop.recorded[0]}" in page.states[-1]
+
+
+def test_a_paused_page_shows_what_was_done_and_else_rests(loop: Loop, page: Page) -> None:
+    loop.beat()
+    page.waiting.put(("toggle", ()))
+    loop.beat()
+    page.states.clear()
+    for event, drawn in (
+        (Restart(0.5), 2),
+        (Drag("head", (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)), 2),
+        (Throw("sphere", (0.24,) * 3, 1.0, (1.8, 0.0, 1.1)), 3),
+        (("look", ()), 4),
+    ):
+        page.waiting.put(event)
+        loop.beat()
+        assert len(page.frames) == drawn
+    assert [frame.step for frame in page.frames] == [1] * 4
+    assert page.frames[1].phase == 0.5
+    assert len(page.frames[2].obstacles) == 1
+    for _ in range(CONTROL_RATE):
+        loop.beat()
+    assert len(page.frames) == 4
+    assert len(page.states) == 4 + 1  # one for each input, and one a second
+
+
+def test_a_paused_page_does_not_end_and_slow_motion_takes_no_longer(
+    loop: Loop, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beats = 0
+
+    def waited() -> None:
+        nonlocal beats
+        beats += 1
+        if beats in {3, 20}:
+            page.waiting.put(("toggle", ()))
+
+    monkeypatch.setattr(loop._clock, "wait", waited)
+    monkeypatch.setattr(loop.session, "close", lambda: None)
+    loop.run(ended=lambda: True, tail=5)
+    # The first beat finds that the source has ended; five control steps follow.
+    assert (beats, loop.session.step_count) == (23, 6)
+    moments = iter([100.0, 100.1, 101.0, 101.9, 102.0])
+    monkeypatch.setattr("kinemimic.evaluate.simulate.loop.time.monotonic", lambda: next(moments))
+    loop.run(seconds=2.0)
+    assert loop.session.step_count == 6 + 3
+
+
+def test_a_speed_that_is_no_number_changes_nothing(loop: Loop, page: Page) -> None:
+    page.waiting.put(("speed", (0.5,)))
+    page.waiting.put(("speed", (float("nan"),)))
+    loop.beat()
+    assert loop._clock.speed == 0.5
