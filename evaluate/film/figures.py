@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import forward_kinematics
-from kinemimic.pipeline.kinematics.skeleton import node_skeleton
+from kinemimic.retarget.humanoid.motion import node_kinematics
 from kinemimic.train.rollout.trajectory import Trajectory
 
 REFERENCE, SIMULATED, CAPTURED = 1, 2, 3  # class ids
@@ -29,9 +26,7 @@ def humanoids(trajectory: Trajectory, rollout: int, offsets: Array) -> tuple[Hum
     """Reference and simulated humanoid of a rollout; offsets: (20, 3) of the nodes from their parents."""
 
     def humanoid(kind: int, root: Array, rotations: Array) -> Humanoid:
-        translations = np.broadcast_to(offsets, (len(root), *offsets.shape)).copy()
-        translations[:, 0] = root
-        return Humanoid(kind, *forward_kinematics(node_skeleton(offsets), translations, rotations))
+        return Humanoid(kind, *node_kinematics(root, rotations, offsets))
 
     return (
         humanoid(REFERENCE, trajectory.reference_root[rollout], trajectory.reference_rotations[rollout]),

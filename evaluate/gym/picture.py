@@ -10,9 +10,8 @@ from kinemimic.evaluate.film.looks import FIGURE, GHOST, LOOKS
 from kinemimic.evaluate.film.render import Picture, draw_frame
 from kinemimic.evaluate.film.solids import body_solids
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import forward_kinematics
-from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import node_offsets
+from kinemimic.retarget.humanoid.motion import node_kinematics
 from kinemimic.train.rollout.rollout import node_rotations
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
@@ -44,7 +43,4 @@ def picture(batch: ImitationBatch, index: int) -> Picture:
 
 def _humanoid(kind: int, root: Array, rotations: Array) -> Humanoid:
     """A motion (F) of root (F, 3) and local rotations (F, 20, 4)."""
-    offsets = node_offsets()
-    translations = np.broadcast_to(offsets, (len(root), *offsets.shape)).copy()
-    translations[:, 0] = root
-    return Humanoid(kind, *forward_kinematics(node_skeleton(offsets), translations, rotations))
+    return Humanoid(kind, *node_kinematics(root, rotations, node_offsets()))

@@ -22,14 +22,14 @@ from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.knee_axis import off_axis, off_axis_of_fitted_hinge
 from kinemimic.pipeline.gait.parameters import Gait, measure_gait
 from kinemimic.pipeline.kinematics.angles import leg_angles
-from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.nodes import derived_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.formats.gait_json import read_gait_json
-from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles, node_kinematics
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -158,9 +158,7 @@ def simulated(trajectory: Trajectory, motion: Motion) -> GaitSubject:
     upright = np.arange(frames) < trajectory.fallen_at[:, None]
     passes = np.where(upright, np.arange(rollouts)[:, None], -1).astype(np.int32).ravel()
     rotations = trajectory.rotations.reshape(rollouts * frames, *trajectory.rotations.shape[2:])
-    translations = np.broadcast_to(motion.offsets, (len(rotations), *motion.offsets.shape)).copy()
-    translations[:, 0] = trajectory.root.reshape(-1, 3)
-    positions = forward_kinematics(node_skeleton(motion.offsets), translations, rotations)[0]
+    positions, _ = node_kinematics(trajectory.root.reshape(-1, 3), rotations, motion.offsets)
     return _on_body(times, passes, positions, rotations, trajectory.contacts.reshape(-1, 2))
 
 

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import forward_kinematics
-from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import BODY_NODES, node_offsets
+from kinemimic.retarget.humanoid.motion import node_kinematics
 from kinemimic.train.rollout.trajectory import Trajectory
 
 FAILURE_DISTANCE = 0.5  # m, of the mean over the joints
@@ -26,10 +25,7 @@ def body_positions(root: Array, rotations: Array) -> Array:
 
     root: (T, 3) hip centre; rotations: (T, 20, 4) local, of the nodes.
     """
-    offsets = node_offsets()
-    translations = np.broadcast_to(offsets, (len(root), *offsets.shape)).copy()
-    translations[:, 0] = root
-    positions, _ = forward_kinematics(node_skeleton(offsets), translations, rotations)
+    positions, _ = node_kinematics(root, rotations, node_offsets())
     return positions[:, BODY_NODES]
 
 

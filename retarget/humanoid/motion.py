@@ -85,9 +85,18 @@ class Motion:
 
     def kinematics(self) -> tuple[Array, Array]:
         """World positions (T, 20, 3) and world rotations (T, 20, 4) of the nodes."""
-        translations = np.broadcast_to(self.offsets, (len(self.root), *self.offsets.shape)).copy()
-        translations[:, 0] = self.root
-        return forward_kinematics(node_skeleton(self.offsets), translations, self.rotations)
+        return node_kinematics(self.root, self.rotations, self.offsets)
+
+
+def node_kinematics(root: Array, rotations: Array, offsets: Array) -> tuple[Array, Array]:
+    """World positions (T, 20, 3) and world rotations (T, 20, 4) of the nodes.
+
+    root: (T, 3) hip centre, metres; rotations: (T, 20, 4) local, the root's in the world; offsets: (20, 3) of
+    the nodes from their parents, metres.
+    """
+    translations = np.broadcast_to(offsets, (len(root), *offsets.shape)).copy()
+    translations[:, 0] = root
+    return forward_kinematics(node_skeleton(offsets), translations, rotations)
 
 
 def joint_angles(rotations: Array) -> dict[str, Array]:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, interp1d
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import (
     conjugate,
     continuous,
@@ -17,9 +16,8 @@ from kinemimic.pipeline.kinematics.rotations import (
     rotate,
     to_rotvec,
 )
-from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_NODES
-from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.humanoid.motion import Motion, node_kinematics
 from kinemimic.train.reference.dynamics import InverseDynamics, inverse_dynamics
 from kinemimic.train.sim.world import BodyStates, Poses
 
@@ -40,9 +38,7 @@ class Reference:
         phase = np.linspace(0.0, 1.0, rows)
         root, rotations = _resample(motion, phase)
         step = self.duration / (rows - 1)
-        translations = np.broadcast_to(motion.offsets, (rows, *motion.offsets.shape)).copy()
-        translations[:, 0] = root
-        nodes, world = forward_kinematics(node_skeleton(motion.offsets), translations, rotations)
+        nodes, world = node_kinematics(root, rotations, motion.offsets)
         rotation = world[:, BODY_NODES]
         position = nodes[:, BODY_NODES] + rotate(
             rotation, np.broadcast_to(BODY_CENTERS, (rows, *BODY_CENTERS.shape))

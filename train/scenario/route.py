@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.kinematics.rotations import multiply, rotate
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.scenario.scenario import Scenario
@@ -79,7 +79,7 @@ class SteeredReference(Reference):
         straight, root = super().bodies(phase), super().root(phase)
         speed = np.asarray(straight.linear[..., 0, :])
         points, heading, bend = self._route.at(root[..., 0])
-        turn = _about_up(heading)[..., None, :]
+        turn = from_axis_angle("Z", heading)[..., None, :]
         base = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)[..., None, :]
         along = root * [1.0, 0.0, 0.0]
         arms = rotate(turn, straight.positions - along[..., None, :])
@@ -94,14 +94,14 @@ class SteeredReference(Reference):
     def root(self, phase: Array) -> Array:
         straight = super().root(phase)
         points, heading, _ = self._route.at(straight[..., 0])
-        beside = rotate(_about_up(heading), straight * [0.0, 1.0, 1.0])
+        beside = rotate(from_axis_angle("Z", heading), straight * [0.0, 1.0, 1.0])
         beside[..., :2] += points
         return beside
 
     def nodes(self, phase: Array) -> Array:
         nodes = super().nodes(phase)
         _, heading, _ = self._route.at(super().root(phase)[..., 0])
-        nodes[..., 0, :] = multiply(_about_up(heading), nodes[..., 0, :])
+        nodes[..., 0, :] = multiply(from_axis_angle("Z", heading), nodes[..., 0, :])
         return nodes
 
 
@@ -110,9 +110,3 @@ def reference_for(motion: Motion, scenario: Scenario | None) -> Reference:
     if scenario is None or not scenario.route:
         return Reference(motion)
     return SteeredReference(motion, Route(scenario.route))
-
-
-def _about_up(angle: Array) -> Array:
-    """Rotations (..., 4) about the vertical."""
-    zero = np.zeros_like(angle)
-    return np.stack([zero, zero, np.sin(0.5 * angle), np.cos(0.5 * angle)], axis=-1)
