@@ -79,7 +79,7 @@ def test_lengths_need_not_be_whole_centimetres() -> None:
 
 def test_only_a_gait_along_x_can_be_steered(motion: Motion) -> None:
     for other in (turned(motion, 1.0), replace(motion, cyclic=False), on_the_spot(motion)):
-        with pytest.raises(KinemimicError, match="a route: expected a gait along the x-axis"):
+        with pytest.raises(KinemimicError, match="expected a straight walk or run to steer"):
             SteeredReference(other, BEND)
 
 
