@@ -15,6 +15,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.humanoid.body import BODY_INDEX, node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
+from kinemimic.train.sim.world import Obstacle
 
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
@@ -25,12 +26,7 @@ def write_replay(path: Path, frames: Sequence[Frame], motion: Motion | None, sco
     motion: what was performed, None for a live capture.
     """
     trajectory = _trajectory(frames, motion)
-    most = max(len(frame.obstacles) for frame in frames)
-    # The humanoid's place among the obstacles is by number: a cleared and a new one share a shape.
-    largest = max(frames, key=lambda frame: len(frame.obstacles)).obstacles
-    states = np.full((len(frames), most, 13), np.nan)
-    for k, frame in enumerate(frames):
-        states[k, : len(frame.states)] = frame.states
+    obstacles, states = obstacle_columns(frames)
     loads = np.array([frame.loads for frame in frames])
     text = f"A recorded session of {len(frames)} control steps; {score or 'too short for a score'}"
     write_recording(
@@ -38,8 +34,39 @@ def write_replay(path: Path, frames: Sequence[Frame], motion: Motion | None, sco
         trajectory,
         humanoids(trajectory, 0, node_offsets() if motion is None else motion.offsets),
         text,
-        disturbances=Disturbances(largest, states, loads),
+        disturbances=Disturbances(obstacles, states, loads),
     )
+
+
+def obstacle_columns(frames: Sequence[Frame]) -> tuple[list[Obstacle], Array]:
+    """The K obstacles of F frames, and their states (F, K, 13), NaN where one is not there.
+
+    An obstacle that appears takes the place of one that has gone and looked like it: a person may throw the
+    same ball a thousand times.
+    """
+    looks: list[Obstacle] = []
+    places: list[dict[int, int]] = []  # by number, of each frame
+    for frame in frames:
+        before, here = places[-1] if places else {}, dict[int, int]()
+        for number, obstacle in zip(frame.numbers, frame.obstacles, strict=True):
+            if number in before:
+                here[number] = before[number]
+                continue
+            taken = {*before.values(), *here.values()}
+            free = (
+                k
+                for k, other in enumerate(looks)
+                if k not in taken and (other.shape, other.size) == (obstacle.shape, obstacle.size)
+            )
+            here[number] = next(free, len(looks))
+            if here[number] == len(looks):
+                looks.append(obstacle)
+        places.append(here)
+    states = np.full((len(frames), len(looks), 13), np.nan)
+    for row, frame, here in zip(states, frames, places, strict=True):
+        for number, state in zip(frame.numbers, frame.states, strict=True):
+            row[here[number]] = state
+    return looks, states
 
 
 def _trajectory(frames: Sequence[Frame], motion: Motion | None) -> Trajectory:

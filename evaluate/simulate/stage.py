@@ -37,6 +37,7 @@ _BONES = [(N[a], N[b]) for a, b in BONES]
 _HIDDEN = np.array([[[0.0, 0.0, -50.0], [0.0, 0.0, -50.001]]])  # an arrow that nobody sees
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 _HALF = 0.5 * np.array([body.size for body in BODIES])
+_Look = tuple[int, str, tuple[float, float, float]]  # number, shape and size of an obstacle
 
 
 class Stage:
@@ -63,8 +64,7 @@ class Stage:
         self._raw = self._skeleton("raw", _GREY)
         self._clean = self._skeleton("clean", _BLUE)
         self._latency = scene.add_label(f"{FOLLOWED}/latency", "", visible=False)
-        self._obstacles: list[Any] = []
-        self._shown: tuple[Obstacle, ...] = ()
+        self._obstacles: dict[_Look, Any] = {}  # nodes
         self._fallen = False
 
     def _humanoid(self, name: str, kind: int, opacity: float | None) -> list[Any]:
@@ -158,21 +158,17 @@ class Stage:
         self._latency.position = (place[0], place[1] + BESIDE, 2.0)
 
     def _draw_obstacles(self, frame: Frame) -> None:
-        # Their states change, so that only shapes and sizes tell whether they are the same.
-        now, before = _looks(frame.obstacles), _looks(self._shown)
-        if now != before:
-            for node in self._obstacles:
-                node.remove()
-            self._obstacles = []
-            for k, obstacle in enumerate(frame.obstacles):
+        # With their looks, because another session counts from 0 again.
+        present = [(n, one.shape, one.size) for n, one in zip(frame.numbers, frame.obstacles, strict=True)]
+        for gone in self._obstacles.keys() - present:
+            self._obstacles.pop(gone).remove()
+        for key, obstacle, state in zip(present, frame.obstacles, frame.states, strict=True):
+            if key not in self._obstacles:
                 mesh = _obstacle_mesh(obstacle)
-                self._obstacles.append(
-                    self._server.scene.add_mesh_simple(
-                        f"{FOLLOWED}/obstacles/{k}", mesh.vertices, mesh.faces, color=_BROWN
-                    )
+                self._obstacles[key] = self._server.scene.add_mesh_simple(
+                    f"{FOLLOWED}/obstacles/{key[0]}", mesh.vertices, mesh.faces, color=_BROWN
                 )
-            self._shown = frame.obstacles
-        for node, state in zip(self._obstacles, frame.states, strict=True):
+            node = self._obstacles[key]
             node.position, node.wxyz = tuple(state[:3]), tuple(state[[6, 3, 4, 5]])
 
 
@@ -204,10 +200,9 @@ def _without_drag(frame: Frame) -> tuple[Array, Array]:
     """Forces and torques (15, 3) from outside without a drag's, which has an arrow of its own, and without
     small ones."""
     forces, torques = frame.loads.copy(), frame.torques.copy()
-    if frame.drag is not None:
-        dragged = int(np.argmin(np.linalg.norm(forces - frame.drag[2], axis=-1)))
-        forces[dragged] -= frame.drag[2]
-        torques[dragged] = 0.0
+    if frame.drag is not None and frame.dragged is not None:
+        forces[frame.dragged] -= frame.drag[2]
+        torques[frame.dragged] = 0.0
     forces[np.linalg.norm(forces, axis=-1) < MIN_FORCE] = 0.0
     torques[np.linalg.norm(torques, axis=-1) < MIN_TORQUE] = 0.0
     return forces, torques
@@ -256,7 +251,3 @@ def _obstacle_mesh(obstacle: Obstacle) -> Any:
     if obstacle.shape == "sphere":
         return trimesh.creation.icosphere(subdivisions=2, radius=0.5 * obstacle.size[0])
     return trimesh.creation.cylinder(radius=0.5 * obstacle.size[0], height=obstacle.size[2])
-
-
-def _looks(obstacles: Sequence[Obstacle]) -> list[tuple[str, tuple[float, float, float]]]:
-    return [(obstacle.shape, obstacle.size) for obstacle in obstacles]

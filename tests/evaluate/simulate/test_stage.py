@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.stage import upright
+from kinemimic.evaluate.simulate.stage import _without_drag, upright
 from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.scenario.event_schedule import slope_tilt
 
 
@@ -20,3 +24,13 @@ def test_the_way_ahead_is_shown_to_rise_by_the_slope(slope: float, heading: floa
     across = np.array([-np.sin(heading), np.cos(heading), 0.0])
     np.testing.assert_allclose(rotate(shown, ahead), [*(np.cos(slope) * ahead[:2]), np.sin(slope)], atol=1e-9)
     np.testing.assert_allclose(rotate(shown, across), across, atol=1e-9)
+
+
+def test_a_push_and_a_drag_of_one_body_leave_the_arrow_of_the_push() -> None:
+    torso = BODY_INDEX["torso"]
+    loads, drag = np.zeros((15, 3)), np.zeros((3, 3))
+    loads[torso], drag[2] = [300.0, 0.0, 0.0], [100.0, 0.0, 0.0]
+    frame: Any = SimpleNamespace(loads=loads, torques=np.zeros((15, 3)), drag=drag, dragged=torso)
+    forces, _ = _without_drag(frame)
+    assert np.flatnonzero(forces.any(axis=-1)).tolist() == [torso]
+    np.testing.assert_array_equal(forces[torso], [200.0, 0.0, 0.0])
