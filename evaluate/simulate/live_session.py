@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from kinemimic.evaluate.simulate.balance import balance_actions, holds
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView
-from kinemimic.evaluate.simulate.inputs import Enter, Input
+from kinemimic.evaluate.simulate.inputs import Enter, Input, Restart
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.live.capture import LiveCapture
+from kinemimic.pipeline.live.capture import FORGET, LiveCapture, Moment
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.humanoid.body import BODY_INDEX
@@ -38,7 +40,7 @@ class LiveSession(Session):
     """One humanoid that follows a live capture.
 
     The humanoid performs what the person did `latency` ago: the lag of the filter, and the preview of the
-    tracker.
+    tracker. restarts: number of times that somebody asked for one.
     """
 
     def __init__(
@@ -55,7 +57,10 @@ class LiveSession(Session):
         self.capture = LiveCapture(step=1.0 / CONTROL_RATE, lag=settings.lag, up=settings.up)
         self.performer = Performer(float(CONTROL_RATE))
         first = self.performer.perform(None)
-        self.complaint = ""
+        self.restarts = 0
+        # The moments of the reference from the one that is performed to the newest; None where nobody was.
+        self._moments: deque[float | None] = deque([None] * AHEAD, maxlen=AHEAD)
+        self._senders = 0
         self._mirror = Mirror(config)
         self._place_there = settings.place
         self._live = LiveReference(first.root, first.rotations)
@@ -78,18 +83,17 @@ class LiveSession(Session):
         return False
 
     def _reset(self, phase: float) -> None:
-        super()._reset(self._live.present)
+        # The next control step begins one frame later than the last: `advance` appends that frame first.
+        super()._reset(self._live.present + 1.0 / CONTROL_RATE)
 
     def apply(self, found: Input | CapturedFrame) -> None:
         """Take a frame, or an input of a page; KinemimicError for an input that does not fit. A frame that
-        does not fit its sender's others is counted, and `complaint` says why."""
+        does not fit its sender's others is counted, and `capture` says why."""
         if isinstance(found, CapturedFrame):
-            try:
+            with suppress(KinemimicError):
                 self.capture.take(found)
-                self.complaint = ""
-            except KinemimicError as error:
-                self.complaint = str(error)
             return
+        self.restarts += isinstance(found, Restart)
         if isinstance(found, Enter) and found.scenario:
             raise KinemimicError("expected no scenario: a live capture has no phases at which it could begin")
         super().apply(found)
@@ -105,17 +109,35 @@ class LiveSession(Session):
             self._placed_in -= 1
             if self._placed_in <= 0:
                 self._placed_in = None
-                self._reset(0.0)
+                super()._reset(self._live.present)
         nowhere = np.full((20, 3), np.nan)
         self._shown = LiveView(
             raw=nowhere if moment is None else moment.raw,
             clean=nowhere if moment is None else moment.positions[moment.now],
             time=float("nan") if moment is None else moment.time,
             presence=performed.presence,
-            latency=(0.0 if moment is None else moment.lag) + PREVIEW,
+            latency=self._latency(moment),
             people=self.performer.people,
             starved=moment is None,
         )
+
+    @property
+    def shown(self) -> LiveView | None:
+        """The capture at the end of the last control step."""
+        return self._shown
+
+    def _latency(self, moment: Moment | None) -> float:
+        """Seconds from the moment that is performed to the newest frame; NaN where no frame is due."""
+        if self._senders != self.capture.senders:
+            # Another clock.
+            self._senders = self.capture.senders
+            self._moments.extend([None] * AHEAD)
+        self._moments.append(None if moment is None else moment.time)
+        if moment is None:
+            return float("nan")
+        # Where nobody was yet, as if the sender's clock had gone on at its pace.
+        k, performed = next((k, time) for k, time in enumerate(self._moments) if time is not None)
+        return moment.time + moment.lag - performed + k / CONTROL_RATE
 
     def _actions(self) -> Array:
         """The policy's, or those of balance where the reference stands."""
@@ -145,17 +167,36 @@ class LiveSession(Session):
         return replace(super().advance(), shown=self._shown)
 
     def words(self) -> list[str]:
-        """The state of the capture in a line."""
-        capture, shown, reading = self.capture, self._shown, self.capture.recogniser.reading
-        if shown is None or reading is None:
-            return [self.complaint or "waiting for frames"]
+        """The state of the capture in lines."""
+        capture = self.capture
+        lines = [capture.complaint] if capture.complaint else []
+        lines.append(self._doing())
+        if (reading := capture.reading) is not None:
+            counts = [
+                f"{reading.layout.name}, {reading.up} up, in {reading.unit}",
+                plural(capture.frames, "frame"),
+                f"{capture.late} late",
+                f"{capture.thinned} left out" if capture.thinned else "",
+                f"{plural(capture.sides.swaps, 'frame')} with sides swapped back",
+                f"appeared {plural(self.performer.people, 'time')}",
+            ]
+            lines.append(", ".join(filter(None, counts)))
+        if capture.refused:
+            lines.append(f"refused: {capture.refused} (last: {capture.last_fault})")
+        return lines
+
+    def _doing(self) -> str:
+        """What the humanoid follows, and how far behind."""
+        shown, quiet = self._shown, self.capture.quiet
+        if shown is None or not self.capture.senders:
+            return "waiting for frames"
+        if quiet > FORGET:
+            return f"**no frames for {quiet:.0f} s: stands**"
+        if self.capture.reading is None:
+            return "frames come: waiting for some with both legs and the trunk"
         doing = "follows the person" if shown.presence >= 1.0 else "nobody seen: stands"
         if 0.0 < shown.presence < 1.0:
             doing = "between standing and the person"
-        complaints = [self.complaint] if self.complaint else []
-        return [
-            *complaints,
-            f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)",
-            f"{reading.layout.name}, {plural(capture.frames, 'frame')}, {capture.window.late} late, "
-            f"{capture.sides.swaps} swapped, {plural(shown.people, 'person', 'people')}",
-        ]
+        if shown.starved:
+            return f"**{doing}**"
+        return f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)"

@@ -11,7 +11,6 @@ import click
 
 from kinemimic.evaluate.simulate.command import require_viser
 from kinemimic.pipeline.cli.finite_range import FiniteRange
-from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
@@ -45,7 +44,7 @@ def prepare(policy: str, run: Path) -> None:
 
 def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, replay: Path | None) -> Source:
     """The one source that was asked for; UDP without one."""
-    from kinemimic.evaluate.stream.files import Replay, Stdin  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.stream.files import CaptureFile, Stdin  # noqa: PLC0415 (import cost)
     from kinemimic.evaluate.stream.sockets import Tcp, Udp  # noqa: PLC0415
     from kinemimic.evaluate.stream.vmc import Vmc  # noqa: PLC0415
 
@@ -56,7 +55,7 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
     if len(asked) > 1:
         raise click.UsageError(f"{' and '.join(asked)}: choose one source")
     if replay is not None:
-        return Replay(replay)
+        return CaptureFile(replay)
     if stdin:
         return Stdin()
     if tcp is not None:
@@ -107,9 +106,9 @@ def command(
 ) -> None:
     """Let a live capture drive the humanoid.
 
-    Frames come as JSON over UDP, TCP or standard input, over the VMC protocol, or from a capture file. The
-    humanoid follows half a second later: 0.15 s for the filter, 0.4 s that the policy looks ahead. Exit
-    status: 2 if no frame came that could be used, else 0.
+    Frames come as JSON over UDP, TCP or standard input, over the VMC protocol, or from a capture file, which
+    waits until the page is open. The humanoid follows half a second later: 0.15 s for the filter, 0.4 s that
+    the policy looks ahead. Exit status: 2 if no frame came that could be used, else 0.
 
     \b
       kinemimic stream --replay walk.skl
@@ -129,32 +128,34 @@ def command(
         prepare(policy, run)
         if with_page:
             from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415 (loads viser)
-            from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
+            from kinemimic.evaluate.stream.viewed_page import ViewedPage  # noqa: PLC0415
 
-            page = Page(port, secrets.token_urlsafe(16), Choices((policy,), (SOURCE,), (), policy, SOURCE))
+            page = ViewedPage(
+                port, secrets.token_urlsafe(16), Choices((policy,), (SOURCE,), (), policy, SOURCE)
+            )
             echo(f"{source.name}; open {page.address}\nCtrl-C ends it.", err=as_json)
         elif replay is None:
             echo(f"{source.name}; Ctrl-C ends it.", err=as_json)
-        with heartbeat(lambda: ""):
-            found = stream(
-                source,
-                run,
-                settings=LiveSettings(lag=lag, up=up, place=place),
-                engine=resolve(engine),
-                page=page,
-                # A replay that nobody looks at need not take its time.
-                clock=None if page is None and replay is not None else Clock(CONTROL_RATE),
-                policy=policy,
-                steps=None if seconds is None else round(seconds * CONTROL_RATE),
-                record=not with_page if record is None else record,
-            )
+        found = stream(
+            source,
+            run,
+            settings=LiveSettings(lag=lag, up=up, place=place),
+            engine=resolve(engine),
+            page=page,
+            viewers=None if page is None or seconds is not None else page.viewers,
+            # A replay that nobody looks at need not take its time.
+            clock=None if page is None and replay is not None else Clock(CONTROL_RATE),
+            policy=policy,
+            steps=None if seconds is None else round(seconds * CONTROL_RATE),
+            record=not with_page if record is None else record,
+        )
     finally:
         source.close()
         if page is not None:
             page.close()
     if as_json:
         click.echo(json.dumps(found, indent=2, allow_nan=False))
-    if not found["frames"]:
+    if found["steps"] and not found["frames"]:
         raise KinemimicError(
             f"{found['source']}: expected frames of a person, found none that could be used{_faults(found)}"
         )
@@ -171,7 +172,7 @@ def _words(found: dict[str, Any]) -> list[str]:
     what, used = found["format"] or found["layout"], plural(found["frames"], "frame")
     if found["frames_of"] is not None:
         used = f"{found['frames']} of {plural(found['frames_of'], 'frame')} used"
-    people = plural(found["people"], "person", "people")
+    people = {0: "nobody", 1: "1 person"}.get(found["people"], f"somebody appeared {found['people']} times")
     lines = [
         f"{found['source']}: {what}, {used}, {people}{behind}",
         f"{found['steps']} control steps, {found['followed']} behind a person, of which "
@@ -185,6 +186,7 @@ def _words(found: dict[str, Any]) -> list[str]:
 
 
 def _faults(found: dict[str, Any]) -> str:
-    if not found["faults"]:
-        return ""
-    return "; " + ", ".join(f"{count:,} {name}" for name, count in found["faults"].items())
+    counted = [f"{count:,} {name}" for name, count in found["faults"].items()]
+    counted += [f"playback skipped {plural(found['skipped'], 'time')}"] if found["skipped"] else []
+    counted += [f"last: {found['last_fault']}"] if found["last_fault"] else []
+    return f"; {', '.join(counted)}" if counted else ""

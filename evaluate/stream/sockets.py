@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import socket
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
 
-from kinemimic.evaluate.stream.source import BLOCK, HOST, MAX_BLOCKS, MAX_FRAMES, MAX_READS, Lines, frames_of
+from kinemimic.evaluate.stream.source import (
+    BLOCK,
+    DROPPED,
+    HOST,
+    MAX_BLOCKS,
+    MAX_FRAMES,
+    MAX_READS,
+    Faults,
+    Lines,
+    frames_of,
+)
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
 
-_ACCEPTED = 8  # connections that are looked at in a control step
+_TURNED_AWAY = 8  # connections in a control step
 
 
 def opened(kind: socket.SocketKind, port: int) -> socket.socket:
@@ -32,22 +42,25 @@ def opened(kind: socket.SocketKind, port: int) -> socket.socket:
 class Datagrams:
     """Datagrams of a port of 127.0.0.1, the newest last."""
 
-    def __init__(self, port: int, faults: Counter[str]) -> None:
+    def __init__(self, port: int, faults: Faults) -> None:
         self._socket, self._faults = opened(socket.SOCK_DGRAM, port), faults
         self.port = int(self._socket.getsockname()[1])
 
-    def read(self, most: int) -> list[bytes]:
-        """The newest `most` of what waits; of a flood, the kernel drops what is not read here."""
+    def read(self, most: int, without: bytes | None = None) -> list[bytes]:
+        """The newest `most` of what waits, without what begins with `without`; of a flood, the kernel drops
+        what is not read here."""
         newest: deque[bytes] = deque(maxlen=most)
         read = 0
-        while read < MAX_READS:
+        for _ in range(MAX_READS):
             try:
-                newest.append(self._socket.recv(BLOCK))
+                found = self._socket.recv(BLOCK)
             except BlockingIOError:
                 break
-            read += 1
+            if without is None or not found.startswith(without):
+                newest.append(found)
+                read += 1
         if read > most:
-            self._faults["dropped: too many at once"] += read - most
+            self._faults[DROPPED] += read - most
         return list(newest)
 
     def close(self) -> None:
@@ -61,7 +74,7 @@ class Udp:
     waits = False
 
     def __init__(self, port: int) -> None:
-        self.faults: Counter[str] = Counter()
+        self.faults = Faults()
         self._datagrams = Datagrams(port, self.faults)
         self.port = self._datagrams.port
         self.name = f"UDP, {HOST}:{self.port}"
@@ -85,7 +98,7 @@ class Tcp:
     waits = False
 
     def __init__(self, port: int) -> None:
-        self.faults: Counter[str] = Counter()
+        self.faults = Faults()
         self._server = opened(socket.SOCK_STREAM, port)
         self._server.listen(16)
         self.port = int(self._server.getsockname()[1])
@@ -94,40 +107,47 @@ class Tcp:
         self._lines = Lines(self.faults)
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
-        self._accept()
         lines: deque[bytes] = deque(maxlen=4 * MAX_FRAMES)
         read = 0
         for _ in range(MAX_BLOCKS):
-            if self._sender is None:
+            sender = self._sender or self._accepted()
+            if sender is None:
                 break
             try:
-                block = self._sender.recv(BLOCK)
+                block = sender.recv(BLOCK)
             except BlockingIOError:
+                # Not before it is sure that the sender has not left: it may be back already.
+                self._turn_others_away()
                 break
             except OSError:
                 block = b""
             if not block:
                 self._leave()
-                break
-            found = self._lines.take(block)
+            found = self._lines.take(block) if block else self._lines.end()
             read += len(found)
             lines.extend(found)
         if read > len(lines):
-            self.faults["dropped: too many at once"] += read - len(lines)
+            self.faults[DROPPED] += read - len(lines)
         return frames_of(list(lines), self.faults)
 
-    def _accept(self) -> None:
-        for _ in range(_ACCEPTED):
+    def _accepted(self) -> socket.socket | None:
+        """The next sender, if one waits."""
+        try:
+            sender, _ = self._server.accept()
+        except OSError:
+            return None
+        sender.setblocking(False)
+        self._sender, self._lines = sender, Lines(self.faults)
+        return sender
+
+    def _turn_others_away(self) -> None:
+        for _ in range(_TURNED_AWAY):
             try:
                 sender, _ = self._server.accept()
             except OSError:
                 return
-            if self._sender is not None:
-                self.faults["refused: another sender is connected"] += 1
-                sender.close()
-                continue
-            sender.setblocking(False)
-            self._sender, self._lines = sender, Lines(self.faults)
+            self.faults.note("refused: another sender is connected")
+            sender.close()
 
     def _leave(self) -> None:
         if self._sender is not None:

@@ -1,7 +1,7 @@
 """Where frames come from, and what a sender may do at most.
 
-A source is asked before every control step and never waits. Of what came since the last step, the newest
-MAX_FRAMES frames count; the rest is dropped unread.
+A source is asked before every control step and never waits. Of what a socket received since the last step,
+the newest MAX_FRAMES frames count, the others are dropped; a pipe and a file keep them for the next step.
 """
 
 from __future__ import annotations
@@ -15,9 +15,28 @@ from kinemimic.pipeline.live.frame import MAX_LINE, CapturedFrame, decoded_frame
 
 HOST = "127.0.0.1"
 MAX_FRAMES = 8  # in a control step: 240 frames a second
-MAX_READS = 256  # datagrams in a control step
+MAX_READS = 512  # datagrams in a control step
 MAX_BLOCKS = 16  # of a stream of lines
 BLOCK = 65_536  # bytes
+MAX_FAULT = 200  # characters of a message
+DROPPED = "dropped: too many at once"
+REFUSED = "refused: "  # begins the names of faults of what cannot be read
+
+
+class Faults(Counter[str]):
+    """How often what happened; last: the last message, as a sender is told, at most MAX_FAULT characters."""
+
+    last: str = ""
+
+    def note(self, kind: str, message: str = "") -> None:
+        """Count a fault."""
+        self[kind] += 1
+        self.last = " ".join((message or kind.removeprefix(REFUSED)).split())[:MAX_FAULT]
+
+    @property
+    def refused(self) -> int:
+        """How much of what came could not be read."""
+        return sum(count for kind, count in self.items() if kind.startswith(REFUSED))
 
 
 class Source(Protocol):
@@ -25,7 +44,7 @@ class Source(Protocol):
     a file can and a sensor cannot."""
 
     name: str
-    faults: Counter[str]
+    faults: Faults
     waits: bool
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
@@ -39,16 +58,16 @@ class Source(Protocol):
         """Free what is held."""
 
 
-def frames_of(lines: Sequence[bytes], faults: Counter[str]) -> list[CapturedFrame]:
+def frames_of(lines: Sequence[bytes], faults: Faults) -> list[CapturedFrame]:
     """The frames of the newest lines; faults are counted."""
     if (dropped := len(lines) - MAX_FRAMES) > 0:
-        faults["dropped: too many at once"] += dropped
+        faults[DROPPED] += dropped
     found = []
     for line in lines[-MAX_FRAMES:]:
         try:
             found.append(decoded_frame(line))
         except KinemimicError as error:
-            faults[_kind(str(error))] += 1
+            faults.note(_kind(str(error)), str(error))
     return found
 
 
@@ -62,7 +81,7 @@ def _kind(message: str) -> str:
 class Lines:
     """Bytes to lines, within bounds."""
 
-    def __init__(self, faults: Counter[str]) -> None:
+    def __init__(self, faults: Faults) -> None:
         self._rest, self._faults = b"", faults
         self._skipping = False
 
@@ -74,7 +93,7 @@ class Lines:
             del lines[0]
         if len(self._rest) > MAX_LINE:
             if not self._skipping:
-                self._faults["refused: line too long"] += 1
+                self._faults.note("refused: line too long", f"a line of more than {MAX_LINE:,} bytes")
             self._rest, self._skipping = b"", True
         return [line for line in lines if line.strip()]
 

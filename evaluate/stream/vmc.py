@@ -11,7 +11,6 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.stream.sockets import Datagrams
-from kinemimic.evaluate.stream.source import HOST, MAX_FRAMES
+from kinemimic.evaluate.stream.source import DROPPED, HOST, MAX_FRAMES, Faults
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, multiply, rotate
@@ -28,7 +27,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
 
 DEFAULT_PORT = 39539  # of VMC
-MAX_DATAGRAMS = 64  # in a control step: a sender may put one bone in each
+MAX_DATAGRAMS = 256  # in a control step: a sender may put one bone in each, 60 times a second
 MAX_DATAGRAM = 16_384  # bytes
 # Bone -> the bones that it may hang from, nearest first: an avatar need not have all.
 _SIDES = ("Left", "Right")
@@ -73,6 +72,10 @@ _ENDS = {
     "foot_right": ("RightFoot", np.array([0.0, -0.025, 0.12])),
 }
 _MAX_PLACE = 1e4  # m
+_NEEDED = ("Hips", *(f"{side}{bone}" for side in _SIDES for bone in ("UpperLeg", "Foot")), "Neck")
+_INSTEAD = tuple(f"{side}UpperArm" for side in _SIDES)  # of a neck, which Unity's humanoids need not have
+_PATIENCE = 1.0  # s for a bone that is missing
+_UNUSED = b"/VMC/Ext/Blend"  # faces: as many datagrams as bones
 
 
 class Avatar:
@@ -83,10 +86,10 @@ class Avatar:
         self._root = (np.zeros(3), IDENTITY)
 
     @property
-    def complete(self) -> bool:
-        """Whether the legs and the neck are there."""
-        needed = ("Hips", "Neck", *(f"{side}{bone}" for side in _SIDES for bone in ("UpperLeg", "Foot")))
-        return all(bone in self._bones for bone in needed)
+    def missing(self) -> list[str]:
+        """Bones that a frame needs and that never came; without a neck, the upper arms as well."""
+        needed = _NEEDED if "Neck" in self._bones else (*_NEEDED, *_INSTEAD)
+        return [bone for bone in needed if bone not in self._bones]
 
     def set(self, name: str, numbers: Sequence[Any]) -> bool:
         """A bone's or ("Root") the root's position and rotation of 7 numbers; False for other names and
@@ -117,6 +120,9 @@ class Avatar:
         for node, bone in _NODES.items():
             if bone in world:
                 out[NODE_INDEX[node]] = world[bone][0]
+        if "Neck" not in world:
+            arms = [out[NODE_INDEX[f"shoulder_{side.lower()}"]] for side in _SIDES]
+            out[NODE_INDEX["shoulder_center"]] = 0.5 * (arms[0] + arms[1])
         for node, (bone, end) in _ENDS.items():
             if bone in world:
                 out[NODE_INDEX[node]] = world[bone][0] + rotate(world[bone][1], end)
@@ -135,6 +141,10 @@ def _unlogged() -> Iterator[None]:
         root.removeFilter(_of_others)
 
 
+def _is_time(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value) and abs(value) < 1e12
+
+
 def _of_others(record: logging.LogRecord) -> bool:
     return "pythonosc" not in record.pathname
 
@@ -150,42 +160,64 @@ class Vmc:
         from pythonosc.osc_packet import OscPacket, ParseError  # noqa: PLC0415 (an optional package)
 
         self._packet, self._error = OscPacket, ParseError
-        self.faults: Counter[str] = Counter()
+        self.faults = Faults()
         self._datagrams = Datagrams(port, self.faults)
         self.port = self._datagrams.port
         self.name = f"VMC, {HOST}:{self.port}"
-        self._avatar, self._timed = Avatar(), False
+        self._avatar = Avatar()
+        # Whether frames end with times; whether bones have come since the last frame; whether some of the
+        # coming frame's were dropped.
+        self._timed = self._changed = self._torn = False
+        self._incomplete_since: float | None = None
         self._began = time.perf_counter()
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
         found: list[CapturedFrame] = []
-        changed = False
-        for datagram in self._datagrams.read(MAX_DATAGRAMS):
+        dropped = self.faults[DROPPED]
+        datagrams = self._datagrams.read(MAX_DATAGRAMS, without=_UNUSED)
+        # The oldest are dropped, so that the first bones left may be the rest of a frame.
+        self._torn |= self._timed and self.faults[DROPPED] > dropped
+        for datagram in datagrams:
             for address, values in self._messages(datagram):
-                if address == "/VMC/Ext/T" and values and isinstance(values[0], int | float):
-                    if (
-                        self._avatar.complete
-                        and changed
-                        and math.isfinite(values[0])
-                        and abs(values[0]) < 1e12
-                    ):
-                        found.append(frame_of(float(values[0]), self._avatar.positions()))
-                        changed = False
+                if address == "/VMC/Ext/T" and values and _is_time(values[0]):
                     self._timed = True
+                    if self._torn:
+                        self._torn = self._changed = False
+                    else:
+                        found += self._frame(float(values[0]), elapsed)
                 elif address in ("/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos") and values:
                     root = address == "/VMC/Ext/Root/Pos"
-                    name = "Root" if root else str(values[0])
-                    if self._avatar.set(name, values[1:]):
-                        changed = changed or not root
-                    else:
-                        self.faults["refused: no bone"] += 1
-        if changed and not self._timed and self._avatar.complete:
-            found.append(frame_of(time.perf_counter() - self._began, self._avatar.positions()))
+                    if not self._avatar.set("Root" if root else str(values[0]), values[1:]):
+                        self.faults.note("refused: no bone")
+                    elif not root:
+                        self._changed = True
+        if not self._timed:
+            found += self._frame(time.perf_counter() - self._began, elapsed)
         return found[-MAX_FRAMES:]
+
+    def _frame(self, moment: float, elapsed: float) -> list[CapturedFrame]:
+        """The frame of the bones that have come, if they are all there."""
+        if not self._changed:
+            return []
+        missing = self._avatar.missing
+        if not missing:
+            self._incomplete_since = None
+        elif self._incomplete_since is None:
+            # The first bones; the others may be on their way.
+            self._incomplete_since = elapsed
+            return []
+        elif elapsed - self._incomplete_since < _PATIENCE:
+            return []
+        elif missing != ["Neck"]:
+            self.faults.note(f"refused: incomplete avatar, no {missing[0]}")
+            self._incomplete_since = elapsed
+            return []
+        self._changed = False
+        return [frame_of(moment, self._avatar.positions())]
 
     def _messages(self, datagram: bytes) -> Iterable[tuple[str, list[Any]]]:
         if len(datagram) > MAX_DATAGRAM:
-            self.faults["refused: datagram too long"] += 1
+            self.faults.note("refused: datagram too long")
             return []
         try:
             with _unlogged():
@@ -193,7 +225,7 @@ class Vmc:
         except (self._error, ValueError, IndexError, TypeError, RecursionError, OverflowError):
             found = []
         if not found:
-            self.faults["refused: no OSC"] += 1
+            self.faults.note("refused: no OSC")
         return [(one.message.address, list(one.message.params)) for one in found]
 
     @property

@@ -11,13 +11,17 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.live.playout import Playout
-from kinemimic.pipeline.live.recogniser import Recogniser
+from kinemimic.pipeline.live.recogniser import Reading, Recogniser
 from kinemimic.pipeline.live.sides import Sides
 from kinemimic.pipeline.live.window import MIN_STEP, WINDOW, Window
 
 LAG = 0.15  # s
-FORGET = 0.5  # s without a frame, after which nothing is known about the person's sides
+# Seconds without a frame, after which nothing is known about the person's sides, nor about the sender:
+# another may have taken its place.
+FORGET = 0.5
 _PENDING = 64  # frames kept until the sender is recognised
+# Frames in a row that are too far apart, or too close, before the unit of their times is in doubt.
+_APART, _CLOSE = 10, 40
 _LEGS = [N[f"{joint}_{side}"] for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
 
 
@@ -46,58 +50,97 @@ class Moment:
 class LiveCapture:
     """Takes frames as they come, and gives a moment at every `step` seconds.
 
-    lag: seconds between the newest frame and the moment; frames, refused: numbers of frames that were used,
-    and that did not fit the sender's others.
+    lag: seconds between the newest frame and the moment; reading: of the last sender that was recognised;
+    frames, refused, late, thinned: numbers of frames that were used, that did not fit the sender's others,
+    that came after a later one, and that were too close to the one before; complaint: what is wrong with what
+    comes now, "" if nothing; last_fault: why the last frame was refused; quiet: s since a frame fitted;
+    senders: number of times that a sender began.
     """
 
     def __init__(self, *, step: float, lag: float = LAG, up: str | None = None) -> None:
-        self.frames = self.refused = 0
+        self.frames = self.refused = self.late = self.thinned = self.senders = 0
+        self.complaint = self.last_fault = ""
+        self.quiet = 0.0
+        self.reading: Reading | None = None
         self.recogniser, self.sides, self.window = Recogniser(up), Sides(), Window()
         self.playout = Playout(lag, step)
-        self._step = step
+        self._step, self._up = step, up
         self._pending: list[CapturedFrame] = []
         self._raw = np.full((20, 3), np.nan)
+        self._newest: CapturedFrame | None = None
+        self._apart = self._close = 0
 
     def take(self, frame: CapturedFrame) -> None:
         """Add a frame; KinemimicError for one that the sender's others contradict."""
+        gap = 0.0 if self._newest is None else frame.time - self._newest.time
         try:
+            if self._begins(frame):
+                self._begin()
             known = self.recogniser.take(frame)
-        except KinemimicError:
+        except KinemimicError as error:
             self.refused += 1
+            self.complaint = self.last_fault = str(error)
             raise
+        self.quiet = 0.0
+        if self._newest is None or gap > 0.0:
+            self._newest = frame
+        self._apart = self._apart + 1 if gap > FORGET else 0
+        self._take(frame, known=known)
+        if known:
+            self.complaint = ""
+        if self._apart >= _APART or (self._close >= _CLOSE and gap > 0.0):
+            self.complaint = f"expected times in seconds, found frames {gap:.3g} s apart"
+
+    def _take(self, frame: CapturedFrame, *, known: bool) -> None:
+        """Add a frame as soon as it is known how it is to be read."""
         self._pending = [*self._pending, frame][-_PENDING:]
         if not known:
             return
+        self.reading = self.recogniser.reading
         pending, self._pending = self._pending, []
         for one in pending:
             self._add(one)
 
+    def _begins(self, frame: CapturedFrame) -> bool:
+        """Whether a frame is the first, of a sender that comes back, or of another."""
+        last = self._newest
+        if last is None:
+            return True
+        if len(frame.positions) != len(last.positions):
+            return self.quiet > FORGET
+        # A sender that was started again counts from the beginning.
+        return not last.time - WINDOW < frame.time <= last.time + FORGET
+
+    def _begin(self) -> None:
+        self.senders += 1
+        self.recogniser, self.sides = Recogniser(self._up), Sides(self.sides)
+        self.window.clear()
+        self._pending.clear()
+        self._newest = None
+
     def _add(self, frame: CapturedFrame) -> None:
-        reading = self.recogniser.reading
+        reading, newest = self.reading, self.window.newest
         if reading is None:
             return
-        newest = self.window.newest
         if newest is not None and frame.time <= newest:
-            self.window.late += 1
-            # A sender that was started again counts from the beginning.
-            if frame.time > newest - WINDOW:
-                return
-            self.window.clear()
-        elif newest is not None and frame.time - newest < MIN_STEP:
-            self.window.thinned += 1
+            self.late += 1
             return
-        if newest is None or not newest < frame.time < newest + FORGET:
-            self.sides = Sides(self.sides)
+        if newest is not None and frame.time < newest + MIN_STEP:
+            self.thinned += 1
+            self._close += 1
+            return
         positions, states = self.sides.restored(frame.time, *reading.nodes(frame))
         if self.sides.turned:
             # What was left is right now.
             self.window.clear()
-        if self.window.add(frame.time, positions, states):
-            self.frames += 1
-            self._raw = positions
+        self.window.add(frame.time, positions, states)
+        self._close = 0
+        self.frames += 1
+        self._raw = positions
 
     def advance(self) -> Moment | None:
         """The next moment; None while nobody sends."""
+        self.quiet += self._step
         newest = self.window.newest
         due = self.playout.advance(newest)
         if due is None or newest is None:

@@ -85,7 +85,7 @@ class Recogniser:
         if layout is not self._layout:
             raise KinemimicError(
                 f"expected frames of {len(self._layout.joints)} joints ({self._layout.name}) as before, "
-                f"found {len(layout.joints)}; start again to change the sender"
+                f"found {len(layout.joints)}; stop the other sender first"
             )
         if self.reading is None:
             positions, _ = on_nodes(frame, layout)

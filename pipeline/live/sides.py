@@ -72,11 +72,12 @@ class Sides:
 
     def restored(self, time: float, positions: Array, states: States) -> tuple[Array, States]:
         """Positions (20, 3) and states (20,) at `time`, each limb on its own side."""
-        order = np.arange(len(NODES))
+        order, swapped = np.arange(len(NODES)), False
         for limb, pairs in _PAIRS.items():
             if self._swapped(self._limbs[limb], time, positions[pairs]):
                 order[pairs] = order[pairs[:, ::-1]]
-                self.swaps += 1
+                swapped = True
+        self.swaps += swapped
         positions, states = positions[order], states[order]
         if self._is_reversed(time, positions):
             positions, states = positions[_MIRROR], states[_MIRROR]

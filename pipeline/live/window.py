@@ -27,13 +27,9 @@ FIRST_CUTOFF = 6.0  # Hz, until the likelihood has chosen one
 
 
 class Window:
-    """The last frames on the 20 nodes, in the order of their times.
-
-    late: frames that were left out because a later one had already come.
-    """
+    """The last frames on the 20 nodes, in the order of their times."""
 
     def __init__(self) -> None:
-        self.late = self.thinned = 0
         self._frames: deque[tuple[float, Array, States]] = deque(maxlen=MAX_FRAMES)
         self._cutoffs = np.full(len(NODES), FIRST_CUTOFF)
         self._errors = np.full(len(NODES), MIN_ERROR)
@@ -48,26 +44,15 @@ class Window:
         return self._frames[-1][0] if self._frames else None
 
     def clear(self) -> None:
-        """Forget the frames, after a loss of the person."""
+        """Forget the frames."""
         self._frames.clear()
 
-    def add(self, time: float, positions: Array, states: States) -> bool:
-        """A frame of positions (20, 3), NaN where missing, and states (20,); whether it is used."""
-        if self._frames:
-            step = time - self._frames[-1][0]
-            if step <= 0.0:
-                self.late += 1
-                return False
-            if step < MIN_STEP:
-                self.thinned += 1
-                return False
-            # A jump of the sender's clock, or a pause, begins anew.
-            if step > WINDOW:
-                self._frames.clear()
+    def add(self, time: float, positions: Array, states: States) -> None:
+        """A frame of positions (20, 3), NaN where missing, and states (20,), at least MIN_STEP later than the
+        one before."""
         self._frames.append((time, positions, states))
         while self._frames[-1][0] - self._frames[0][0] > WINDOW:
             self._frames.popleft()
-        return True
 
     def at(self, times: Array) -> Array:
         """Positions (T, 20, 3) at ascending times (T,), NaN where a node was not seen for LONGEST_GAP."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from kinemimic.evaluate.simulate.frame import LiveSettings
 from kinemimic.evaluate.simulate.recording import begin_live_session
-from kinemimic.evaluate.stream.files import Replay
+from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import convert, on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
@@ -105,7 +105,7 @@ def offline(path: Path, engine: str) -> Followed:
 
 def live(path: Path, engine: str) -> tuple[Followed, Array, Array]:
     """The tracker behind the capture as it comes; latencies and processor time of the control steps, s."""
-    source = Replay(path)
+    source = CaptureFile(path)
     session = begin_live_session(
         tracker_path("tracker").parent, engine, LiveSettings(place=True), restart=False, named=scenario
     )

@@ -89,11 +89,11 @@ def test_a_sender_comes_goes_and_comes_back(browser: Any, sender: Sender, tmp_pa
         behind = re.search(r"(\d+) ms behind", page.tab.inner_text("body"))
         assert behind is not None and 400 < int(behind[1]) < 1000
         sender.on.clear()
-        page.sees("nobody seen: stands")
+        page.sees("no frames for")
         assert awaited(page, BLUE, before[BLUE] + 1, drawn=False)
         sender.on.set()
         page.sees("follows the person")
-        page.sees("2 people")
+        page.sees("appeared 2 times")
         assert page.hosts <= {"127.0.0.1"}
         assert page.errors == []
         page.tab.close()

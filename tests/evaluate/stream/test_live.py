@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +14,9 @@ from samples.walker import standing, walker
 
 from kinemimic.evaluate.simulate.recording import SESSION, Replay
 from kinemimic.evaluate.stream.command import _words, command, prepare
-from kinemimic.evaluate.stream.live import NoPage, stream
+from kinemimic.evaluate.stream.live import stream
+from kinemimic.evaluate.stream.source import Faults
+from kinemimic.evaluate.stream.watched import NoPage
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
@@ -33,7 +34,7 @@ class Sender:
     waits = False
 
     def __init__(self, clip: Clip) -> None:
-        self.name, self.faults = "a test", Counter[str]()
+        self.name, self.faults = "a test", Faults()
         self._frames = [frame_of(t, p) for t, p in zip(clip.times, clip.positions, strict=True)]
         self.closed = False
 
@@ -89,6 +90,29 @@ def test_a_recording_that_begins_and_ends_on_the_page_is_in_the_summary(run: Pat
     later = stream(Sender(WALK), run, page=page, **options)
     assert later["recording"] not in (None, found["recording"])
     assert stream(Sender(WALK), run, **options)["recording"] is None
+
+
+class Recorded(Sender):
+    """A sender with whose last frame somebody presses Record."""
+
+    def __init__(self, clip: Clip, page: NoPage) -> None:
+        super().__init__(clip)
+        self._page, self._pressed = page, False
+
+    def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
+        found = super().poll(elapsed)
+        if self.ended and not self._pressed:
+            self._page.waiting.put(("record", ()))
+            self._pressed = True
+        return found
+
+
+def test_what_came_before_a_late_recording_is_in_the_summary(run: Path) -> None:
+    page = NoPage()
+    engine = "pybullet" if _only_pybullet() else "native"
+    found = stream(Recorded(WALK, page), run, engine=engine, page=page, record=False)
+    assert (found["frames"], found["people"], found["layout"]) == (len(WALK.times), 1, "Kinect v1")
+    assert found["recording"] is not None
 
 
 def test_a_person_who_stands_is_followed_without_a_fall(run: Path) -> None:
@@ -162,8 +186,12 @@ def test_a_replayed_file_is_described_by_its_own_format(run: Path) -> None:
     found = {
         "source": "35_01.bvh", "format": "CMU BVH", "layout": "Kinect v1", "frames": 158, "frames_of": 316,
         "people": 1, "latency_ms": None, "steps": 90, "followed": 80, "upright": 80, "falls": 1,
-        "faults": {}, "score": None, "recording": None,
+        "faults": {}, "score": None, "recording": None, "skipped": 0, "last_fault": None,
     }  # fmt: skip
     first, second = _words(found)
     assert first == "35_01.bvh: CMU BVH, 158 of 316 frames used, 1 person"
     assert "1 fall" in second and "1 falls" not in second
+    found |= {"people": 3, "skipped": 2, "faults": {"late or repeated": 4}, "last_fault": "no OSC"}
+    first, second = _words(found)
+    assert first.endswith("somebody appeared 3 times")
+    assert second.endswith("; 4 late or repeated, playback skipped 2 times, last: no OSC")

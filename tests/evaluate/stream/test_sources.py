@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from samples.walker import walker
 
-from kinemimic.evaluate.stream.files import Replay, Stdin
+from kinemimic.evaluate.stream.files import CaptureFile, Stdin
 from kinemimic.evaluate.stream.sockets import Tcp, Udp
-from kinemimic.evaluate.stream.source import HOST, MAX_FRAMES, Lines, frames_of
+from kinemimic.evaluate.stream.source import HOST, MAX_FAULT, MAX_FRAMES, Faults, Lines, frames_of
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import MAX_LINE, CapturedFrame
 from kinemimic.pipeline.writers.skl import write_skl
@@ -94,6 +94,32 @@ def test_tcp_has_one_sender_at_a_time(tcp: Tcp) -> None:
         one.close()
 
 
+def test_a_tcp_sender_that_comes_back_at_once_is_not_turned_away(tcp: Tcp) -> None:
+    first = socket.create_connection((HOST, tcp.port))
+    first.sendall(line(1.0))
+    assert [frame.time for frame in soon(tcp)] == [1.0]
+    first.sendall(line(2.0)[:-1])  # no newline, as Stdin takes it
+    first.close()
+    again = socket.create_connection((HOST, tcp.port))
+    again.sendall(line(3.0))
+    time.sleep(0.05)
+    assert [frame.time for frame in soon(tcp, 2)] == [2.0, 3.0]
+    assert not tcp.faults
+    again.close()
+
+
+def test_why_the_last_frame_was_refused_is_kept(udp: Udp) -> None:
+    faults = Faults()
+    assert frames_of([json.dumps({"time": 1.0, "positions": POSITIONS[:17]}).encode()] * 3, faults) == []
+    assert faults.last == "expected 20, 25, 32, 33 joints in a frame, found 17"
+    assert faults.refused == 3
+    faults.note("refused: no OSC")
+    assert (faults.last, faults.refused) == ("no OSC", 4)
+    faults.note("refused: no OSC", "a\nb" * 1000)
+    assert len(faults.last) == MAX_FAULT
+    assert "\n" not in faults.last
+
+
 def test_a_taken_port_is_one_line(udp: Udp) -> None:
     with pytest.raises(KinemimicError, match="in use"):
         Udp(udp.port)
@@ -105,7 +131,7 @@ def test_nothing_listens_beyond_this_machine(udp: Udp, tcp: Tcp) -> None:
 
 
 def test_lines_are_bounded_in_length_and_memory() -> None:
-    faults: Counter[str] = Counter()
+    faults = Faults()
     lines = Lines(faults)
     assert lines.take(b"a\nb") == [b"a"]
     assert lines.take(b"c\n\n") == [b"bc"]
@@ -117,7 +143,7 @@ def test_lines_are_bounded_in_length_and_memory() -> None:
 
 
 def test_only_the_newest_frames_of_a_step_count() -> None:
-    faults: Counter[str] = Counter()
+    faults = Faults()
     found = frames_of([line(float(k)) for k in range(50)], faults)
     assert [frame.time for frame in found] == [float(k) for k in range(50 - MAX_FRAMES, 50)]
     assert faults["dropped: too many at once"] == 50 - MAX_FRAMES
@@ -167,9 +193,15 @@ def test_a_replay_keeps_its_clock(tmp_path: Path) -> None:
     write_skl(
         tmp_path / "walk.skl", milliseconds, clip.positions, clip.states, np.array([0.0, 1.0, 0.0, 0.9])
     )
-    source = Replay(tmp_path / "walk.skl")
+    source = CaptureFile(tmp_path / "walk.skl")
     found = list[CapturedFrame]()
-    for k in range(90):
+    for k in range(200):
         found += source.poll(k / 30.0)
         assert all(frame.time <= k / 30.0 + 1e-9 for frame in found)
-    assert np.isclose(found[-1].time, min(source.seconds, 89 / 30.0), atol=0.04)
+    assert np.isclose(found[-1].time, source.seconds, atol=0.04)
+    assert source.ended
+    source.rewind()
+    again = [*source.poll(7.0), *source.poll(7.0 + source.seconds)]
+    assert [frame.time for frame in again] == pytest.approx(7.0 + np.array([frame.time for frame in found]))
+    assert [frame.positions for frame in again] == [frame.positions for frame in found]
+    assert source.count == 2 * len(found)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from kinemimic.evaluate.stream import vmc as module
 from kinemimic.evaluate.stream.source import HOST
 from kinemimic.evaluate.stream.vmc import Avatar, Vmc
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
@@ -103,6 +104,72 @@ def test_a_bad_datagram_is_counted_and_not_logged(
     assert caplog.records == []
     logging.warning("of somebody else")
     assert len(caplog.records) == 1
+
+
+def sent(vmc: Vmc, *messages: bytes) -> None:
+    """Messages that have arrived."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for one in messages:
+            sender.sendto(one, (HOST, vmc.port))
+    time.sleep(0.02)
+
+
+def bones(without: str = "", height: float = 0.95) -> list[bytes]:
+    places = {**BONES, "Hips": (0.0, height, 0.0)}
+    return [
+        message("/VMC/Ext/Bone/Pos", bone, *place, *STRAIGHT)
+        for bone, place in places.items()
+        if bone != without
+    ]
+
+
+def test_a_time_in_the_next_step_ends_a_frame(vmc: Vmc) -> None:
+    sent(vmc, message("/VMC/Ext/T", 0.5))
+    assert vmc.poll(0.0) == []
+    for k, moment in enumerate((1.0, 2.0)):
+        sent(vmc, *bones())
+        assert vmc.poll(0.1 * k) == []
+        sent(vmc, message("/VMC/Ext/T", moment))
+        assert [frame.time for frame in vmc.poll(0.1 * k)] == [moment]
+    # The time before its bones.
+    found = list[float]()
+    for moment in (3.0, 4.0, 5.0):
+        sent(vmc, message("/VMC/Ext/T", moment), *bones())
+        found += [frame.time for frame in vmc.poll(1.0)]
+    assert found == [4.0, 5.0]
+
+
+def test_an_avatar_without_a_neck_has_its_shoulders_between_its_arms(vmc: Vmc) -> None:
+    assert [vmc.poll(0.0) for _ in range(2)] == [[], []]
+    for elapsed in (0.0, 0.5):
+        sent(vmc, *bones(without="Neck"), message("/VMC/Ext/T", elapsed))
+        assert vmc.poll(elapsed) == []
+    sent(vmc, *bones(without="Neck"), message("/VMC/Ext/T", 1.1))
+    (frame,) = vmc.poll(1.1)
+    assert frame.positions[N["shoulder_center"]] == pytest.approx((0.0, 0.0, 0.95 + 0.10 + 0.33))
+    assert not vmc.faults
+
+
+def test_an_incomplete_avatar_is_named_once_a_second(vmc: Vmc) -> None:
+    for k in range(24):
+        sent(vmc, *bones(without="LeftFoot"), message("/VMC/Ext/T", 0.1 * k))
+        assert vmc.poll(0.1 * k) == []
+    assert vmc.faults == {"refused: incomplete avatar, no LeftFoot": 2}
+    assert vmc.faults.last == "incomplete avatar, no LeftFoot"
+
+
+def test_faces_take_no_place_and_torn_frames_are_left_out(vmc: Vmc, monkeypatch: pytest.MonkeyPatch) -> None:
+    face = message("/VMC/Ext/Blend/Val", "smile", 0.5)
+    monkeypatch.setattr(module, "MAX_DATAGRAMS", 2 * len(BONES))
+    sent(vmc, *bones(), message("/VMC/Ext/T", 1.0), *[face] * 60)
+    assert len(vmc.poll(0.0)) == 1
+    assert not vmc.faults
+    # Of two frames too many, the first bones are dropped.
+    sent(vmc, *bones(height=0.5), message("/VMC/Ext/T", 2.0), *bones(height=0.9), message("/VMC/Ext/T", 3.0))
+    (frame,) = vmc.poll(0.1)
+    assert frame.time == 3.0
+    assert frame.positions[N["hip_center"]] == pytest.approx((0.0, 0.0, 0.9))
+    assert vmc.faults == {"dropped: too many at once": 2}
 
 
 def test_frames_end_with_the_senders_time(vmc: Vmc) -> None:

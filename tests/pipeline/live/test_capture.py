@@ -4,6 +4,8 @@ stream."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -100,7 +102,7 @@ def test_gaps_late_repeated_and_reordered_frames() -> None:
         capture.take(frame)
         if k % 2:
             out.append(capture.advance())
-    assert capture.window.late >= len(sent)
+    assert capture.late >= len(sent)
     found = seen(out)
     errors = [np.abs(moment.positions[moment.now] - truth(moment)).max() for moment in found[10:]]
     assert np.quantile(errors, 0.95) < 0.03
@@ -148,6 +150,77 @@ def test_another_layout_is_refused_and_the_first_goes_on() -> None:
     recogniser.take(frames()[0])
     with pytest.raises(KinemimicError, match="expected frames of 20 joints"):
         recogniser.take(frame_of(1.0, np.ones((25, 3))))
+
+
+def steadily(capture: LiveCapture, sent: Sequence[CapturedFrame]) -> None:
+    """A frame in every control step."""
+    for frame in sent:
+        with suppress(KinemimicError):
+            capture.take(frame)
+        capture.advance()
+
+
+def test_times_in_milliseconds_are_a_complaint() -> None:
+    capture = LiveCapture(step=STEP)
+    steadily(capture, frames(times=1000.0 * np.arange(len(TIMES)) / 30.0)[:40])
+    assert capture.complaint == "expected times in seconds, found frames 33.3 s apart"
+    steadily(capture, frames()[:20])
+    assert capture.complaint == ""
+    assert capture.frames == 20
+
+
+def test_times_in_another_unit_that_thin_all_frames_are_a_complaint() -> None:
+    capture = LiveCapture(step=STEP)
+    steadily(capture, frames(times=1e-3 * TIMES)[:70])
+    assert capture.complaint == "expected times in seconds, found frames 1.67e-05 s apart"
+    assert capture.thinned > 60
+
+
+def test_a_fast_sender_is_thinned_without_a_complaint() -> None:
+    capture = LiveCapture(step=STEP)
+    for k in range(1000):
+        capture.take(frame_of(0.001 * k, CLIP.positions[0]))
+        assert capture.complaint == ""
+    assert capture.thinned == 1000 - capture.frames > 900
+
+
+def test_the_next_sender_is_read_with_its_own_axes_and_unit() -> None:
+    turn, other = _TURNS[UP_NAMES["y"]], _TURNS[UP_NAMES["z"]]
+    first = frames(rotate(conjugate(turn), CLIP.positions))[:40]
+    second = frames(1000.0 * rotate(conjugate(other), CLIP.positions), TIMES + TIMES[39] + 1.0)
+    capture = LiveCapture(step=STEP)
+    played(first, capture)
+    assert capture.reading is not None
+    assert (capture.reading.up, capture.reading.unit) == ("y", "m")
+    found = seen([one for one in played(second, capture) if one is not None and one.time > second[9].time])
+    assert (capture.reading.up, capture.reading.unit) == ("z", "mm")
+    moment = found[-1]
+    expected = truth(replace(moment, time=moment.time - TIMES[39] - 1.0))
+    assert np.abs(moment.positions[moment.now] - expected).max() < 0.02
+
+
+def test_a_sender_whose_clock_began_again_is_read_anew() -> None:
+    capture = LiveCapture(step=STEP)
+    steadily(capture, frames(times=TIMES + 100.0)[:40])
+    steadily(capture, frames(100.0 * CLIP.positions)[:40])
+    assert capture.reading is not None
+    assert capture.reading.unit == "cm"
+    assert capture.late == 0
+    assert capture.frames == 80
+
+
+def test_a_stray_frame_of_another_layout_does_not_shut_out_the_sender() -> None:
+    capture, points = LiveCapture(step=STEP), np.random.default_rng(0).normal(size=(33, 3))
+    capture.take(frames()[0])
+    steadily(capture, [frame_of(k * STEP, points) for k in range(60)])
+    assert 10 < capture.refused < 20
+    assert "expected frames of 20 joints" in capture.last_fault
+    assert capture.senders == 2
+    # While the sender sends, another is refused.
+    capture = LiveCapture(step=STEP)
+    for k in range(60):
+        steadily(capture, [frame_of(k * STEP, CLIP.positions[k]), frame_of(k * STEP, points)])
+    assert (capture.refused, capture.frames) == (60, 60)
 
 
 def test_no_human_size_is_refused() -> None:

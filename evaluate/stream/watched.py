@@ -1,0 +1,108 @@
+"""What the loop needs of a page, with counts for the summary."""
+
+from __future__ import annotations
+
+import queue
+from collections import Counter
+from typing import Any
+
+from kinemimic.evaluate.simulate.frame import Frame
+from kinemimic.evaluate.simulate.live_session import LiveSession
+from kinemimic.evaluate.simulate.loop import PageView
+from kinemimic.evaluate.stream.source import Source
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.live.recogniser import Reading
+from kinemimic.pipeline.plural import plural
+
+_KEPT = 18_000  # control steps whose latencies the summary has: ten minutes
+
+
+class NoPage:
+    """What the loop needs of a page, for nobody."""
+
+    def __init__(self) -> None:
+        self.waiting: queue.Queue[Any] = queue.Queue()
+
+    def draw(self, frame: Frame) -> None:
+        """Nobody looks."""
+
+    def show(self, frame: Frame, state: str) -> None:
+        """Nobody looks."""
+
+    def tell(self, error: KinemimicError | str) -> None:
+        """Nobody listens."""
+
+
+class Watched:
+    """A page whose frames are counted for the summary, over all sessions: a recording begins one.
+
+    latencies: s, of the first ten minutes; steps, followed, upright: control steps, those of them behind a
+    person, and those of these without a fall; session: the one that runs; notice: a line for the page.
+    """
+
+    def __init__(self, page: PageView, source: Source) -> None:
+        self.waiting, self._page, self._source = page.waiting, page, source
+        self.latencies: list[float] = []
+        self.steps = self.followed = self.upright = 0
+        self.session: LiveSession | None = None
+        self.reading: Reading | None = None
+        self.notice = ""
+        self._before: Counter[str] = Counter()
+
+    def begin(self, session: LiveSession) -> None:
+        """Another session begins; of the one before, only numbers are kept."""
+        self._before, self.reading = self.counts(), self.known_reading()
+        self.session = session
+
+    def counts(self) -> Counter[str]:
+        """What was counted in all sessions."""
+        if (session := self.session) is None:
+            return Counter()
+        capture, people = session.capture, session.performer
+        return self._before + Counter(
+            frames=capture.frames, late=capture.late, thinned=capture.thinned, refused=capture.refused,
+            people=people.people, lost=people.lost, falls=session.falls, swapped=capture.sides.swaps,
+            reversed=capture.sides.reversals, skipped=capture.playout.skips,
+        )  # fmt: skip
+
+    def known_reading(self) -> Reading | None:
+        """How the last sender was read."""
+        return (self.session and self.session.capture.reading) or self.reading
+
+    def fault(self) -> str:
+        """What was wrong with what came last and was not used, "" if nothing."""
+        found = [self._source.faults.last]
+        if self.session is not None:
+            found += [self.session.capture.complaint, self.session.capture.last_fault]
+        return next(filter(None, found), "")
+
+    def words(self) -> str:
+        """The state in a line."""
+        counts, shown = self.counts(), None if self.session is None else self.session.shown
+        behind = "" if shown is None or shown.starved else f", {1000.0 * shown.latency:.0f} ms behind"
+        refused = counts["refused"] + self._source.faults.refused
+        return f"{plural(counts['frames'], 'frame')}, {refused} refused{_in_brackets(self.fault())}{behind}"
+
+    def draw(self, frame: Frame) -> None:
+        """Count a frame and show it."""
+        self.steps += 1
+        if frame.shown is not None and frame.shown.presence >= 1.0 and not frame.shown.starved:
+            self.followed += 1
+            self.upright += not frame.fallen
+            if len(self.latencies) < _KEPT:
+                self.latencies.append(frame.shown.latency)
+        self._page.draw(frame)
+
+    def show(self, frame: Frame, state: str) -> None:
+        """Show numbers."""
+        faults = self._source.faults
+        refused = f"unreadable: {faults.refused}{_in_brackets(faults.last)}" if faults.refused else ""
+        self._page.show(frame, "\n\n".join(filter(None, (self.notice, state, refused))))
+
+    def tell(self, error: KinemimicError | str) -> None:
+        """Pass on a message."""
+        self._page.tell(error)
+
+
+def _in_brackets(fault: str) -> str:
+    return f" (last: {fault})" if fault else ""

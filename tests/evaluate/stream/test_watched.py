@@ -1,0 +1,56 @@
+"""What people are told of a capture, and what is counted over its sessions."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from kinemimic.evaluate.stream.source import Faults
+from kinemimic.evaluate.stream.watched import NoPage, Watched
+
+
+class Page(NoPage):
+    """Keeps the words that it shows."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.words = ""
+
+    def show(self, frame: Any, state: str) -> None:
+        self.words = state
+
+
+def session(frames: int, *, reading: object = None, refused: int = 0) -> Any:
+    capture = SimpleNamespace(
+        frames=frames, late=0, thinned=0, refused=refused, sides=SimpleNamespace(swaps=0, reversals=0),
+        playout=SimpleNamespace(skips=1), reading=reading, complaint="", last_fault="",
+    )  # fmt: skip
+    shown = SimpleNamespace(starved=False, latency=0.55)
+    people = SimpleNamespace(people=1, lost=0)
+    return SimpleNamespace(capture=capture, performer=people, falls=2, shown=shown)
+
+
+def test_all_sessions_are_counted() -> None:
+    watched = Watched(NoPage(), SimpleNamespace(faults=Faults()))  # type: ignore[arg-type]
+    assert watched.counts() == {}
+    assert watched.words() == "0 frames, 0 refused"
+    reading: Any = object()
+    watched.begin(session(40, reading=reading))
+    watched.begin(session(0))
+    assert (watched.counts()["frames"], watched.counts()["falls"], watched.counts()["skipped"]) == (40, 4, 2)
+    assert watched.known_reading() is reading
+
+
+def test_page_and_terminal_say_why_frames_are_refused() -> None:
+    faults, page = Faults(), Page()
+    watched = Watched(page, SimpleNamespace(faults=faults))  # type: ignore[arg-type]
+    watched.begin(session(1, refused=2))
+    watched.show(None, "waiting for frames")  # type: ignore[arg-type]
+    assert page.words == "waiting for frames"
+    faults.note("refused: lists that do not fit together", "found 17 joints")
+    watched.show(None, "waiting for frames")  # type: ignore[arg-type]
+    assert page.words == "waiting for frames\n\nunreadable: 1 (last: found 17 joints)"
+    assert watched.words() == "1 frame, 3 refused (last: found 17 joints), 550 ms behind"
+    watched.notice = "the end"
+    watched.show(None, "upright")  # type: ignore[arg-type]
+    assert page.words.startswith("the end\n\nupright")
