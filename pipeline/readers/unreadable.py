@@ -47,9 +47,8 @@ _MOST_NAMES = 6
 def unreadable(source: Source) -> Unreadable | None:
     """What is known of a file that no reader recognises, or None."""
     if source.is_text:
-        if '"pose_keypoints_2d"' in "".join(source.head):
-            return Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO)
-        return None
+        is_2d = '"pose_keypoints_2d"' in "".join(source.head)
+        return Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO) if is_2d else None
     if names := array_names(source):
         return _archive(sorted(names))
     if _SHEET in source.content:
@@ -57,7 +56,15 @@ def unreadable(source: Source) -> Unreadable | None:
     if source.content.startswith(_PICKLES) and source.content.endswith(b"."):
         advice = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
         return Unreadable("a Python pickle, which is not read because it can run any program", advice)
+    if _is_utf_16(source.content[:4096]):
+        return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
     return next((what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark), None)
+
+
+def _is_utf_16(head: bytes) -> bool:
+    """Whether every other byte is NUL and no other one, as in western text."""
+    zero, other = sorted((head[::2], head[1::2]), key=lambda half: -half.count(0))
+    return len(head) > 1 and zero.count(0) >= 0.9 * len(zero) and 0 not in other
 
 
 def _archive(names: list[str]) -> Unreadable:

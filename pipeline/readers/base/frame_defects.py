@@ -11,15 +11,16 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import UNITS
 from kinemimic.pipeline.readers.base.source import Source
 
 # In metres. A depth camera reaches 8 m; a coordinate ten times beyond that is not a measurement, …
 MAX_COORDINATE = 100.0
 # … except where the whole body is: people walk far, and a map's origin may be kilometres away.
 MAX_DISTANCE = 1e5
-REMOTE_ADVICE = (
+_REMOTE_ADVICE = (
     f"a whole body may be up to {MAX_DISTANCE / 1000:g} km away, but not one joint, or for one frame; "
-    "set another unit than metres with --unit"
+    "set another unit with --unit"
 )
 # Fewer joints are no body.
 _FEWEST_JOINTS = 3
@@ -68,36 +69,31 @@ def zero_frames(points: Array) -> list[Defect]:
     return [Defect("zero_frames", count, "frames", "repaired", text, frame_runs(empty))]
 
 
-def refuse_remote(points: Array, joints: Sequence[str], source: Source, line: Callable[[int], int]) -> None:
-    """Raise CaptureError for the first coordinate that is no measurement (see `remote`).
+def refuse_remote(
+    points: Array,
+    joints: Sequence[str],
+    source: Source,
+    where: Callable[[int], str] = lambda frame: f"frame {frame}",
+    *,
+    unit: str = "m",
+) -> None:
+    """Raise CaptureError for the first coordinate that is no measurement (see `_remote`).
 
-    points: (T, J, 3) metres; joints: (J,) names as in the file; line: line number of a frame. If the user
-    names another unit, the values are not metres yet, and the check of the leg length applies instead
-    (quality/rules/length_units.py).
+    points: (T, J, 3) metres; joints: (J,) names as in the file; where: place of a frame in the file; unit: of
+    the file's numbers, for the message. If the user names another unit, the values are not metres yet, and
+    the check of the leg length applies instead (quality/rules/length_units.py).
     """
-    if source.unit is None and (found := remote(points)) is not None:
+    if source.unit is None and (found := _remote(points)) is not None:
         frame, joint, axis = found
         raise source.error(
-            expected=f"metres, at most {MAX_COORDINATE:g}, in {joints[joint]}_{'XYZ'[axis]}",
-            found=f"{points[frame, joint, axis]:g}",
-            line=line(frame),
-            advice=REMOTE_ADVICE,
+            expected=f"at most {MAX_COORDINATE / UNITS[unit]:g} {unit} in {'XYZ'[axis]} of {joints[joint]}",
+            found=f"{points[frame, joint, axis] / UNITS[unit]:g}",
+            where=where(frame),
+            advice=_REMOTE_ADVICE,
         )
 
 
-def refuse_remote_frames(points: Array, joints: Sequence[str], source: Source) -> None:
-    """`refuse_remote` for a file without lines: the error names the frame."""
-    if source.unit is None and (found := remote(points)) is not None:
-        frame, joint, axis = found
-        raise source.error(
-            expected=f"metres, at most {MAX_COORDINATE:g}, in {joints[joint]}",
-            found=f"{points[frame, joint, axis]:g}",
-            where=f"frame {frame}",
-            advice=REMOTE_ADVICE,
-        )
-
-
-def remote(points: Array) -> tuple[int, int, int] | None:
+def _remote(points: Array) -> tuple[int, int, int] | None:
     """Frame, joint and axis of the first coordinate that is no measurement, or None. NaN and infinity mean
     "not seen" and pass.
 

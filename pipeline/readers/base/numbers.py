@@ -42,6 +42,10 @@ class Table:
         kept = [k for number, k in enumerate(filled) if number not in self.left_out]
         return self.start + 1 + kept[row]
 
+    def where(self, row: int) -> str:
+        """Place of a row, for a message."""
+        return f"line {self.line(row)}"
+
 
 def parse_table(
     source: Source,

@@ -121,7 +121,9 @@ class Cells:
 
     def _as_utf8(self) -> bytes:
         content = self.source.content
-        encoding = self.text.encoding
+        # Text in UTF-16 is decoded already (base/source.py).
+        utf_16 = self.text.encoding.lower().replace("_", "-").startswith("utf-16")
+        encoding = "" if utf_16 else self.text.encoding
         try:
             if encoding:
                 content = content.decode(encoding).encode()

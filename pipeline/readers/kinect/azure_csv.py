@@ -90,7 +90,7 @@ def read(source: Source) -> Clip:
     points[frames] = positions.values[rows, :, 1:] / _MM
     states[frames] = positions.states()[rows]
     # Of the rows, which have lines; the frames are of the main person alone.
-    refuse_remote(positions.values[..., 1:] / _MM, AZURE_JOINTS, positions.source, positions.table.line)
+    refuse_remote(positions.values[..., 1:] / _MM, AZURE_JOINTS, positions.source, positions.where, unit="mm")
     skeleton, rotations = azure_skeleton(), None
     if orientations is not None:
         turns = np.full((len(times), len(AZURE_JOINTS), 4), np.nan)

@@ -23,7 +23,7 @@ from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, REMOTE_ADVICE, remote
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
@@ -91,7 +91,7 @@ def read(source: Source) -> Clip:
     points[rows] = _values(bodies, rows, "joint_positions", 3, source)[:, order] / _MM
     orientations[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
     states[rows] = _states(bodies, rows, source)[:, order]
-    _refuse_remote(points, source)
+    refuse_remote(points, AZURE_JOINTS, source, unit="mm")
     check_quaternions(orientations, AZURE_JOINTS, _where, source)
     skeleton = azure_skeleton()
     return clip_of_points(
@@ -190,19 +190,6 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
         row = int(np.argwhere(wrong)[0][0])
         raise source.error(expected=f"{key} of 0 to 3", found="another value", where=_where(rows[row]))
     raise source.error(expected=f"{key} of {len(AZURE_JOINTS)} numbers in every body", found="something else")
-
-
-def _refuse_remote(points: Array, source: Source) -> None:
-    """`refuse_remote` for a JSON file, where errors name frames, not lines."""
-    if (found := remote(points)) is not None:
-        frame, joint, axis = found
-        raise source.error(
-            expected=f"millimetres, at most {MAX_COORDINATE * _MM:g}, in "
-            f"{'XYZ'[axis]} of {AZURE_JOINTS[joint]}",
-            found=f"{points[frame, joint, axis] * _MM:g}",
-            where=_where(frame),
-            advice=REMOTE_ADVICE,
-        )
 
 
 def _shown(value: Any) -> str:

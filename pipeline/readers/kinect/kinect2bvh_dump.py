@@ -59,7 +59,7 @@ def read(source: Source) -> Clip:
     """
     blocks = _blocks(source)
     points = _points(source, blocks)
-    refuse_remote(points, SDK_JOINTS, source, lambda frame: blocks.numbers[frame])
+    refuse_remote(points, SDK_JOINTS, source, lambda frame: f"line {blocks.numbers[frame]}")
     _refuse_without_legs(source, points)
     times = np.array(blocks.times)
     later, defects = increasing_times(times)

@@ -53,7 +53,7 @@ def read(source: Source) -> Clip:
     times = table.values[:, columns[0]] / RATE
     later, repeated = sensor_clock(times, where, source)
     frames = table.values[:, columns[1:]].reshape(len(times), len(SDK_JOINTS), len(_FIELDS))
-    refuse_remote(frames[..., :3], SDK_JOINTS, source, table.line)
+    refuse_remote(frames[..., :3], SDK_JOINTS, source, table.where)
     check_quaternions(frames[..., 3:], SDK_JOINTS, where, source)
     frames = frames if later.all() else frames[later]
     notes = [f"no time in the file: the sketch's frame count at {RATE:g} frames per second"]

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
@@ -34,7 +33,7 @@ RATE = 30.0
 # Unit of a clock -> ticks per second; the SDK's ticks are 100 ns.
 CLOCKS: dict[str, float] = {"s": 1.0, "ms": 1e3, "µs": 1e6, "100 ns": 1e7, "ns": 1e9}
 _COLUMN = re.compile(r"([a-z]+)_(x|y|z|tracked)$")
-_COMMENT = "#"
+_COMMENT, _NUMBER = "#", "framenum"
 # Joints that a Kinect v1 lacks. Three of them are more than a misspelt name.
 _ONLY_V2 = {"spinebase", "spinemid", "neck", "spineshoulder", "handtipleft", "handtipright", "thumbleft"}
 _MIN_V2_NAMES = 3
@@ -55,7 +54,7 @@ class Header:
 def joint_columns(source: Source) -> list[str]:
     """The lower-case joint names for which the header has columns, one entry per column.
 
-    None if it has no states: such a table may come from anywhere, in any unit and axes.
+    Empty if it has no states: such a table may come from anywhere, in any unit and axes.
     """
     header = next((line for line in source.head if not line.startswith(_COMMENT)), "")
     found = [match for name in _names(header) if (match := _COLUMN.match(name.lower()))]
@@ -137,12 +136,19 @@ def frames_of(
     values = chosen.reshape(len(chosen), len(joints), len(FIELDS))
     points = values[..., :3]
     check_states(values[..., 3], joints, lambda frame: f"line {table.line(frame)}", source)
-    refuse_remote(points, joints, source, table.line)
+    refuse_remote(points, joints, source, table.where)
     states = values[..., 3].astype(np.uint8)
     if header.clock is None:
-        doubt = {"rate": RATE, "declared": None, "sensor": sensor}
+        facts = {"assumed_rate": {"rate": RATE, "declared": None, "sensor": sensor}}
+        number = header.columns.get(_NUMBER)
+        if number is not None and np.median(np.diff(table.values[:, number], prepend=0.0)[1:]) == 1.0:
+            numbers = table.values[:, number]
+            later, defects = increasing_times(numbers)
+            times = (numbers[later] - numbers[0]) / RATE
+            notes = [f"no time in the file: times are frame numbers at {RATE:g} Hz"]
+            return Frames(times, points[later], states[later], defects, notes, facts)
         notes = [f"no time in the file: {RATE:g} Hz"]
-        return Frames(np.arange(len(points)) / RATE, points, states, [], notes, {"assumed_rate": doubt})
+        return Frames(np.arange(len(points)) / RATE, points, states, [], notes, facts)
     clock = table.values[:, header.clock]
     # .NET's ticks since the year 1 are 6.4e17, which a float holds to 13 µs.
     invalid = ~(np.abs(clock) < 2.0**63)  # NaN too
@@ -188,7 +194,9 @@ def _plain(source: Source, header: Header) -> Source:
         if words:
             rows = list(_without(words, rows, header))
     except csv.Error as error:
-        raise KinemimicError(f"{source.path}: expected rows of numbers, found a {error}") from None
+        raise source.error(
+            expected="rows of numbers", found=str(error), line=_bad_row(rows, header)
+        ) from None
     dated = _has_dates(rows, header)
     decimal_commas = header.separator != "," and b"," in source.content
     if not (words or dated or decimal_commas or b'"' in source.content):
@@ -199,7 +207,7 @@ def _plain(source: Source, header: Header) -> Source:
     if dated:
         body = "\n".join(_with_seconds(body.split("\n"), header, source))
     text = "\n".join([*source.lines[: header.line], body])
-    return Source(source.path, text.encode(), source.sha256, source.unit)
+    return source.with_text(text)
 
 
 def _columns_of_words(rows: Sequence[str], header: Header) -> list[int]:
@@ -225,9 +233,19 @@ def _cells(row: str, header: Header) -> list[str]:
     return next(csv.reader([row], delimiter=header.separator or "\t"), [])
 
 
+def _bad_row(rows: Sequence[str], header: Header) -> int:
+    """Number of the line at which splitting into cells fails."""
+    for line, row in enumerate(rows, header.line + 1):
+        try:
+            _cells(row, header)
+        except csv.Error:
+            return line
+    return header.line + 1
+
+
 def _has_dates(rows: Sequence[str], header: Header) -> bool:
     """Whether the first row has a date and time of day in the clock's column."""
-    first = next((row for row in rows if row.strip()), "").split(header.separator)
+    first = _cells(next((row for row in rows if row.strip()), ""), header)
     return header.clock is not None and header.clock < len(first) and ":" in first[header.clock]
 
 
@@ -235,7 +253,7 @@ def _with_seconds(rows: Sequence[str], header: Header, source: Source) -> Iterat
     """The rows with seconds (since 1970, UTC unless the zone is stated) for the dates of their clock."""
     clock = header.clock or 0
     for line, row in enumerate(rows, header.line + 1):
-        cells = row.split(header.separator)
+        cells = _cells(row, header)
         if clock < len(cells) and row.strip():
             try:
                 date = datetime.fromisoformat(cells[clock].strip())

@@ -122,7 +122,7 @@ def read(source: Source) -> Clip:
     kept = values if later.all() else values[later]
     points = kept[:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(NODE_OF_LABEL), 3)
     refuse_remote(
-        points, tuple(NODE_OF_LABEL), source, lambda row: table.line(int(np.flatnonzero(later)[row]))
+        points, tuple(NODE_OF_LABEL), source, lambda row: table.where(int(np.flatnonzero(later)[row]))
     )
     rate, assumed = true_rate(declared_rate)
     angle_columns = {label: values[later, columns[label]] for label in ANGLES if label in columns}

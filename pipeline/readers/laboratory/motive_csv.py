@@ -96,8 +96,14 @@ def read(source: Source) -> Clip:
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
-    lines = np.flatnonzero(later)
-    refuse_remote(points, labels, source, lambda row: table.line(int(lines[row])))
+        lines = np.flatnonzero(later)
+        refuse_remote(
+            points,
+            labels,
+            source,
+            lambda row: table.where(int(lines[row])),
+            unit="m" if unit_defects else unit,
+        )
     y_up = facts.get("coordinate space", "global").lower() == "global"
     return clip_of_markers(
         labels,

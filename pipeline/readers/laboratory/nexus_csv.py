@@ -168,7 +168,11 @@ def _of_segments(section: Section, walkers: dict[str, dict[str, Item]], source: 
     # Before anything is computed from them: a damaged file may hold any number.
     for first in (3, 6):
         refuse_remote(
-            values[..., first : first + 3], segments, source, lambda row: section.table.line(int(lines[row]))
+            values[..., first : first + 3],
+            segments,
+            source,
+            lambda row: section.table.where(int(lines[row])),
+            unit=unit,
         )
     values[~np.isfinite(values) | (np.abs(values) > _MAX_DEGREES)] = np.nan
     turns = {name: from_rotvec(np.radians(values[:, k, :3])) for k, name in enumerate(segments)}
@@ -229,8 +233,14 @@ def _of_markers(section: Section, outputs: Section | None, source: Source) -> Cl
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
-    lines = np.flatnonzero(clock.later)
-    refuse_remote(points, labels, source, lambda row: section.table.line(int(lines[row])))
+        lines = np.flatnonzero(clock.later)
+        refuse_remote(
+            points,
+            labels,
+            source,
+            lambda row: section.table.where(int(lines[row])),
+            unit="m" if unit_defects else unit,
+        )
     notes = ["no axes in the file: read as Z up"]
     if others:
         notes.append(f"{others} other subjects or objects are not read")

@@ -38,6 +38,7 @@ _FRAMES, _RATE, _MARKERS, _NAMES = "NO_OF_FRAMES", "FREQUENCY", "NO_OF_MARKERS",
 _KEY = re.compile(r"[A-Z][A-Z_]*")
 _MAX_RATE = 10_000.0
 _MOST_HEADER_LINES = 200
+_ROWS = 1000  # that show the width of a table without names of columns
 
 
 def recognises(source: Source) -> bool:
@@ -52,7 +53,7 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged header or table, rigid bodies without markers, and markers from which
     legs cannot be computed.
     """
-    header, start = _header(source)
+    header, start, names = _header(source)
     labels = tuple(name.strip() for name in header.get(_NAMES, ()))
     if not labels:
         raise source.error(
@@ -65,7 +66,7 @@ def read(source: Source) -> Clip:
         raise source.error(
             expected=f"a rate in Hz in {_RATE}", found=repr((header.get(_RATE) or [""])[0][:20])
         )
-    table, values = _table(source, start, len(labels))
+    table, values = _table(source, start, names, len(labels))
     labels = marker_set(source).renamed(labels, source)
     unit = source.unit or UNIT
     points = values.reshape(len(values), len(labels), 3) * UNITS[unit]
@@ -75,7 +76,7 @@ def read(source: Source) -> Clip:
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
-    refuse_remote(points, labels, source, table.line)
+        refuse_remote(points, labels, source, table.where, unit="m" if unit_defects else unit)
     stated = to_number((header.get(_FRAMES) or [""])[0])
     if stated is not None and len(points) < stated < 1e9:
         text = f"the header declares {stated:g} frames but the file has {len(points)}: it may be cut off"
@@ -98,38 +99,42 @@ def read(source: Source) -> Clip:
     )
 
 
-def _header(source: Source) -> tuple[dict[str, list[str]], int]:
-    """Key -> its values, and the line (from 0) on which the frames begin."""
+def _header(source: Source) -> tuple[dict[str, list[str]], int, list[str]]:
+    """Key -> its values, the line (from 0) on which the frames begin, and the names of their columns, if a
+    line has them."""
     header: dict[str, list[str]] = {}
     for number, line in enumerate(source.lines[:_MOST_HEADER_LINES]):
         key, *values = line.rstrip("\t").split("\t")
-        if _KEY.fullmatch(key.strip()) and values:
+        if _KEY.fullmatch(key.strip()):
             header.setdefault(key.strip(), values)
-        elif _KEY.fullmatch(key.strip()) and not values:
-            header.setdefault(key.strip(), [])
-        elif number and (key.strip() == "Frame" or (values and to_number(values[0].strip()) is None)):
-            # A line of column names.
-            return header, number + 1
+        elif number and any(_is_word(cell) for cell in (key, *values)):
+            return header, number + 1, [key, *values]
         elif line.strip():
-            return header, number
+            return header, number, []
     raise source.error(expected="frames below the header", found="none")
 
 
-def _table(source: Source, start: int, markers: int) -> tuple[Table, Array]:
+def _is_word(cell: str) -> bool:
+    return bool(cell.strip()) and to_number(cell.replace(",", ".")) is None
+
+
+def _table(source: Source, start: int, names: list[str], markers: int) -> tuple[Table, Array]:
     """The table, and the coordinates (T, 3 M) of its frames, which begin with neither, a number, or also a
-    time."""
-    first = next((line for line in source.lines[start:] if line.strip()), "")
-    width = len(first.rstrip("\t").split("\t"))
+    time; names: of the columns, if known."""
+    rows = [line for line in source.lines[start : start + _ROWS] if line.strip()]
+    # The cells of the last markers are empty where nothing was seen.
+    width = len(names) or max((len(row.rstrip().split("\t")) for row in rows), default=0)
     leading = next((k for k in (0, 1, 2) if k + 3 * markers == width), None)
-    if leading is None:
-        # The cells of the last markers may be empty, as they are where nothing was seen.
-        leading = next((k for k in (2, 1, 0) if k + 3 * markers == len(first.split("\t")) - 1), None)
+    if leading is None and rows and not names:
+        # Nor are they seen in any of these rows, which then have a TAB at their end.
+        leading = next((k for k in (2, 1, 0) if k + 3 * markers == len(rows[0].split("\t")) - 1), None)
     if leading is None:
         raise source.error(
             expected=f"three numbers for each of {markers} markers, and perhaps frame and time",
             found=f"{width}",
-            line=start + 1,
+            line=start if names else start + 1,
         )
-    width = leading + 3 * markers
-    table = parse_sparse_table(source, start=start, width=width, separator="\t", keep_empty_rows=True)
+    table = parse_sparse_table(
+        source, start=start, width=leading + 3 * markers, separator="\t", keep_empty_rows=True
+    )
     return table, table.values[:, leading:]

@@ -8,6 +8,7 @@ videos; a column of times that somebody added is read. Either the folder or the 
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.numbers import numbers_of, parse_sparse_table
+from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, LEGS, clip_of_landmarks, leg_length
 from kinemimic.pipeline.readers.landmarks.video_clock import RATE, times_of_clock, times_of_rate
@@ -40,6 +41,8 @@ TABLES: tuple[str, ...] = ("body_3d_xyz.csv", "mediapipe_body_3d_xyz.csv")
 _PREFIX = "body_"
 # A leg in metres is shorter, one in millimetres longer, and an unprefixed table in metres is MediaPipe's.
 _LONG_LEG = 10.0
+# Where such legs are looked for: people may come into view late.
+_SEARCHED, _ROWS = 2**22, 16
 
 
 def is_freemocap(path: Path) -> bool:
@@ -92,7 +95,7 @@ def read(source: Source) -> Clip:
             raise source.error(
                 expected="hips, knees and ankles", found=f"no {leg.replace('_', ' ')} in any frame"
             )
-    refuse_remote(points, LANDMARKS, source, table.line)
+    refuse_remote(points, LANDMARKS, source, table.where, unit=unit)
     if clock is None:
         note = f"no time in the file: {RATE:g} Hz, unless --rate says what the videos have"
         times = times_of_rate(len(points), RATE, note)
@@ -126,10 +129,18 @@ def _coordinates() -> list[str]:
 
 
 def _has_long_legs(source: Source, names: list[str]) -> bool:
-    """Whether thigh and shank in the first whole rows are too long for metres."""
-    rows = (numbers_of(row, ",") for row in source.head[1:17])
-    whole = [[*row, np.nan] for row in rows if row is not None and len(row) == len(names)]
+    """Whether thigh and shank are too long for metres in the first rows that show both legs."""
     # A coordinate that has no column is the NaN at the end.
     columns = [names.index(name) if name in names else len(names) for name in _coordinates()]
-    points = np.array(whole).reshape(-1, len(names) + 1)[:, columns].reshape(-1, len(LANDMARKS), 3)
-    return not leg_length(points) < _LONG_LEG
+    rows = source.text[:_SEARCHED].split("\n")[source.blank_lines + 1 :]
+    cells = (row.split(",") for row in rows)
+    # A number that a cell lacks, or that is damaged, is NaN.
+    values = ([*(_number(cell) for cell in row), np.nan] for row in cells if len(row) == len(names))
+    points = (np.array(row)[columns].reshape(len(LANDMARKS), 3) for row in values)
+    seen = list(islice((frame for frame in points if leg_length(frame[None]) > 0.0), _ROWS))
+    return bool(seen) and leg_length(np.array(seen)) >= _LONG_LEG
+
+
+def _number(cell: str) -> float:
+    value = to_number(cell)
+    return np.nan if value is None else value

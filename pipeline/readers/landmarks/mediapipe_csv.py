@@ -51,6 +51,7 @@ _COLUMN = re.compile(
 )
 _MARK = "landmark"
 _SEPARATORS = (",", ";", "\t")
+_ROWS = 1000  # that show the width of a table
 
 
 def recognises(source: Source) -> bool:
@@ -78,7 +79,7 @@ def read(source: Source) -> Clip:
     else:
         times = times_of_clock(content.clock, content.name, source, lambda row: f"line {content.line(row)}")
     path = path_of_landmarks(points, source)
-    refuse_remote(points, LANDMARKS, source, content.line)
+    refuse_remote(points, LANDMARKS, source, lambda row: f"line {content.line(row)}")
     return clip_of_landmarks(
         points[times.kept],
         content.values[times.kept, :, 3:].min(axis=-1),
@@ -172,9 +173,10 @@ def _long(names: list[str], line: int, source: Source) -> _Content:
     mark = names.index(_MARK)
     # What stands before the number is the frame's, what stands behind it the landmark's.
     separator, size = _separator(source), len(names) - mark
-    first = next((row for row in source.head[1:] if row.strip()), "")
-    width = len(first.strip().removesuffix(separator).split(separator))
-    if width < len(names) or (width - mark) % size:
+    # The first frame may be one without a person, of which the last cells are empty.
+    first_rows = source.lines[line : line + _ROWS]
+    width = max([len(names), *(len(row.rstrip(f" {separator}").split(separator)) for row in first_rows)])
+    if (width - mark) % size:
         raise source.error(
             expected=f"{mark} numbers of the frame and {size} of each landmark",
             found=f"{width}",
@@ -183,7 +185,8 @@ def _long(names: list[str], line: int, source: Source) -> _Content:
     table = parse_sparse_table(source, start=line, width=width, separator=separator)
     rows = table.values[:, mark:].reshape(len(table.values), -1, size)
     numbers = rows[..., 0]
-    wrong = ~np.isin(numbers, np.arange(len(LANDMARKS)))
+    nobody = np.isnan(numbers).all(axis=1)
+    wrong = ~np.isin(numbers, np.arange(len(LANDMARKS))) & ~nobody[:, None]
     if wrong.any():
         row, place = (int(k) for k in np.argwhere(wrong)[0])
         raise source.error(
@@ -194,10 +197,11 @@ def _long(names: list[str], line: int, source: Source) -> _Content:
     frame = _frames(table, mark, numbers)
     values = np.full((frame[-1] + 1, len(LANDMARKS), 5), np.nan)
     values[..., 3:] = 1.0
-    landmarks = numbers.astype(np.intp)
+    there = np.flatnonzero(~nobody)
+    landmarks = numbers[there].astype(np.intp)
     for field, name in enumerate(("x", "y", "z", "visibility", "presence")):
         if name in names:
-            values[frame[:, None], landmarks, field] = rows[..., names.index(name) - mark]
+            values[frame[there, None], landmarks, field] = rows[there, :, names.index(name) - mark]
     clock = clock_column(names[:mark])
     firsts = np.flatnonzero(np.diff(frame, prepend=-1))
     return _Content(

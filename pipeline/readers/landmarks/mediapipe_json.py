@@ -2,10 +2,11 @@
 
 A list of frames, or an object with one ("frames", "results", "data"). A frame has pose_world_landmarks (or
 world_landmarks, poseWorldLandmarks, worldLandmarks): 33 landmarks of one person, or a list of people, of whom
-the first is read. A landmark is an object with x, y, z, perhaps visibility and presence, or a list of these
-in that order. A frame without a person has an empty list or null. Image landmarks (pose_landmarks, landmarks)
-are passed over; of a list that does not say which it is, the body tells (blaze_pose.py). Times are in the
-frames, or the video's rate ("fps") is beside them.
+the first is read; a person's may be in an object, as its "landmark" or "landmarks". A landmark is an object
+with x, y, z, perhaps visibility and presence, or a list of these in that order. A frame without a person has
+an empty list or null. Image landmarks (pose_landmarks, landmarks) are passed over; of a list that does not
+say which it is, the body tells (blaze_pose.py). Times are in the frames, or the video's rate ("fps") is
+beside them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_remote_frames
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.frame_rate import HIGHEST, LOWEST
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
@@ -80,7 +81,7 @@ def read(source: Source) -> Clip:
     if not np.isfinite(points).any():
         raise source.error(expected="frames with a person", found=f"none in {len(frames)} frames")
     path = path_of_landmarks(points, source)
-    refuse_remote_frames(points, LANDMARKS, source)
+    refuse_remote(points, LANDMARKS, source)
     times = _times(frames, document, source)
     defects = list(times.defects)
     if others:
@@ -128,6 +129,9 @@ def _landmarks_key(frames: list[dict[str, Any]], source: Source) -> str:
 
 def _landmarks(value: Any, number: int, source: Source) -> tuple[Array | None, bool]:
     """Landmarks (33, 3 to 5) of a frame, or None without a person; and whether there are more people."""
+    value = _listed(value)
+    if isinstance(value, list):
+        value = [_listed(one) for one in value]
     if value is None or value == []:
         return None, False
     several = False
@@ -145,6 +149,13 @@ def _landmarks(value: Any, number: int, source: Source) -> tuple[Array | None, b
             where=f"frame {number}",
         )
     return found, several
+
+
+def _listed(value: Any) -> Any:
+    """The list in an object {"landmark": [...]}, as protobuf's MessageToDict writes it; else the value."""
+    if isinstance(value, dict):
+        return next((value[key] for key in ("landmark", "landmarks") if key in value), value)
+    return value
 
 
 def _is_person(value: list[Any]) -> bool:

@@ -21,7 +21,7 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.clock import seconds_of
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, REMOTE_ADVICE, remote
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
@@ -56,16 +56,15 @@ POINTS: dict[int, dict[str, int]] = {
 }  # fmt: skip
 _SURE = 50.0
 _MAX_FRAMES = 216_000
+_SEARCHED = 2**22
 
 
 def recognises(source: Source) -> bool:
-    """True for JSON that names keypoints of bodies in its first lines."""
-    head = "".join(source.head)
-    return (
-        head.lstrip()[:1] in ("{", "[")
-        and '"keypoint"' in head
-        and ('"body_list"' in head or '"bodies"' in head)
-    )
+    """True for JSON that names keypoints of bodies in its first megabytes: nobody may be in view at first."""
+    if source.head[0].lstrip()[:1] not in ("{", "["):
+        return False
+    begin = source.content[:_SEARCHED]
+    return b'"keypoint"' in begin and (b'"body_list"' in begin or b'"bodies"' in begin)
 
 
 def read(source: Source) -> Clip:
@@ -155,13 +154,8 @@ def _bodies(frame: dict[str, Any], number: int, source: Source) -> dict[int, tup
                 found="something else" if points is None else f"{points.shape}",
                 where=f"frame {number}",
             )
-        if source.unit is None and remote(points[None]) is not None:
-            raise source.error(
-                expected=f"metres, at most {MAX_COORDINATE:g}, in keypoint",
-                found=f"{np.nanmax(np.abs(points)):g}",
-                where=f"frame {number}",
-                advice=REMOTE_ADVICE,
-            )
+        places = [f"point {k}" for k in range(len(points))]
+        refuse_remote(points[None], places, source, lambda _: f"frame {number}")
         level = numbers(body.get("keypoint_confidence"))
         identity = body.get("id", 0)
         if not isinstance(identity, int) or identity in found:

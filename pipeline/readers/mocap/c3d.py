@@ -18,7 +18,7 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_remote_frames, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
@@ -77,7 +77,7 @@ def read(source: Source) -> Clip:
     if source.unit is None:
         selected_points, unit_defects = in_metres(selected_labels, selected_points)
         wrong += unit_defects
-    refuse_remote_frames(selected_points, selected_labels, source)
+        refuse_remote(selected_points, selected_labels, source, unit="m" if unit_defects else unit)
     up = content.up.upper().removeprefix("+")
     facts["up"] = up or "not stated"
     if is_kinect:

@@ -64,7 +64,7 @@ def read(source: Source) -> Clip:
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
-    refuse_remote(points, labels, source, table.line)
+        refuse_remote(points, labels, source, table.where, unit="m" if unit_defects else unit)
     return clip_of_markers(
         labels,
         np.arange(len(points)) / RATE,

@@ -85,7 +85,13 @@ def read(source: Source) -> Clip:
     if source.unit is None:
         points, unit_defects = in_metres(labels, points)
         defects += unit_defects
-    refuse_remote(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
+        refuse_remote(
+            points,
+            labels,
+            source,
+            lambda row: table.where(int(np.flatnonzero(later)[row])),
+            unit="m" if unit_defects else units,
+        )
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
         stated = declared.get(key, "")
         if key == "numframes" and stated.isdecimal() and len(stated) < 9 and int(stated) > found:

@@ -84,7 +84,10 @@ def clip_of_markers(
         notes.append(f"never seen: {', '.join(unseen)}")
     inferred: set[str] = set()
     if not _missing_of_pelvis(markers):
-        centres = _centres(markers, centres, marker_set(source), notes, inferred)
+        chosen = marker_set(source)
+        if not centres and chosen.hips == "davis" and chosen.leg_length is None:
+            _require_leg_length(markers, source)
+        centres = _centres(markers, centres, chosen, notes, inferred)
     nodes = tuple(node for node in NODES if node in centres)
     states = np.array([INFERRED if node in inferred else TRACKED for node in nodes], dtype=np.uint8)
     return clip_of_points(
@@ -119,6 +122,14 @@ def _require_legs(markers: _Markers, labels: tuple[str, ...], source: Source) ->
         f"{', '.join(label for label in labels if label)[:300] or 'points without labels'}",
         advice=f"say which marker is where in NAME{SUFFIX}, if they have other names",
     )
+
+
+def _require_leg_length(markers: _Markers, source: Source) -> None:
+    if any(np.isnan(_leg_length(markers, side)) for side in SIDES):
+        raise source.error(
+            expected='leg_length in the marker set, or lateral knee and ankle markers, for hips = "davis"',
+            found="neither",
+        )
 
 
 def _never_seen(markers: _Markers, labels: tuple[str, ...]) -> list[str]:

@@ -48,7 +48,7 @@ def read(source: Source) -> Clip:
         _check_lines(source, names_in_order)
     table = parse_table(source, width=4, separator=";", label_columns=1)
     points = table.values.reshape(-1, len(names_in_order), 3)
-    refuse_remote(points, names_in_order, source, lambda frame: table.line(frame * len(names_in_order)))
+    refuse_remote(points, names_in_order, source, lambda frame: table.where(frame * len(names_in_order)))
     nodes = [NODE_OF_NAME[name] for name in names_in_order]
     points = points[:, [nodes.index(node) for node in NODES]]
     return clip_of_points(

@@ -57,16 +57,13 @@ def read(source: Source) -> Clip:
     lines = np.arange(len(rows)) if present.all() else np.flatnonzero(present)
     rows = rows if present.all() else rows[present]
 
-    def line(row: int) -> int:
-        return table.line(int(lines[row]))
-
     def where(row: int) -> str:
-        return f"line {line(row)}"
+        return table.where(int(lines[row]))
 
     times = rows[:, 1] / 1000.0
     frames = rows[:, 2:].reshape(len(rows), len(SDK_JOINTS), _JOINT_WIDTH)
     check_states(frames[..., 0], SDK_JOINTS, where, source)
-    refuse_remote(frames[..., 1:4], SDK_JOINTS, source, line)
+    refuse_remote(frames[..., 1:4], SDK_JOINTS, source, where)
     check_quaternions(frames[..., 4:], SDK_JOINTS, where, source)
     is_new = np.concatenate([[True], (rows[1:, 2:] != rows[:-1, 2:]).any(axis=1)])
     indices = np.flatnonzero(is_new)

@@ -57,7 +57,7 @@ def read(source: Source) -> Clip:
 
     frames = table.values[:, :_WIDTH].reshape(len(filled), len(SDK_JOINTS), 4)
     positions, states = frames[..., :3], frames[..., 3]
-    refuse_remote(positions, SDK_JOINTS, source, lambda row: int(filled[row]) + 1)
+    refuse_remote(positions, SDK_JOINTS, source, where)
     notes = [f"no time in the file: {RATE:g} Hz, the sensor's rate"]
     if filled[0]:
         notes.append(f"{filled[0]} empty lines at the start: frames before anybody was tracked")

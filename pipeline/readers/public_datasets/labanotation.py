@@ -44,7 +44,7 @@ def read(source: Source) -> Clip:
     times = table.values[:, 0] * TICK
     frames = table.values[:, 1:].reshape(len(times), len(SDK_JOINTS), 4)
     check_states(frames[..., 3], SDK_JOINTS, where, source)
-    refuse_remote(frames[..., :3], SDK_JOINTS, source, table.line)
+    refuse_remote(frames[..., :3], SDK_JOINTS, source, table.where)
     later, repeated = sensor_clock(times, where, source)
     kept = frames if later.all() else frames[later]
     return clip_of_points(

@@ -159,7 +159,7 @@ def _refuse_damage(positions: Table, angles: Table) -> None:
                 found=f"{values[frame, joint, axis]:g} in {UIPRMD_JOINTS[joint]}",
                 line=table.line(frame),
             )
-    refuse_remote(offsets * _CM, UIPRMD_JOINTS, positions.source, positions.line)
+    refuse_remote(offsets * _CM, UIPRMD_JOINTS, positions.source, positions.where, unit="cm")
     if np.abs(degrees).max() > _MAX_DEGREES:
         frame, joint, _ = (int(k) for k in np.argwhere(np.abs(degrees) > _MAX_DEGREES)[0])
         raise angles.source.error(

@@ -84,7 +84,7 @@ def read(source: Source) -> Clip:
             advice="one of the two files is cut off",
         )
     points = _triplets(positions) * _MM
-    refuse_remote(points, MARKERS, positions.source, positions.line)
+    refuse_remote(points, MARKERS, positions.source, positions.where, unit="mm")
     return clip_of_markers(
         MARKERS,
         np.arange(len(points)) / RATE,

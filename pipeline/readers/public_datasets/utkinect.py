@@ -74,7 +74,7 @@ def read(source: Source) -> Clip:
         row = int(np.argmax(wrong))
         raise source.error(expected="a frame number", found=f"{numbers[row]:g}", line=table.line(row))
     points = table.values[:, 1:].reshape(-1, len(NODES), 3)
-    refuse_remote(points, NODES, source, table.line)
+    refuse_remote(points, NODES, source, table.where)
     if not np.isfinite(points).all():
         points = np.where(np.isfinite(points), points, np.nan)
     rows, defects = _one_of_each(numbers, points)

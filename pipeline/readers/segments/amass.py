@@ -36,7 +36,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote_frames
+from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote
 from kinemimic.pipeline.readers.base.npz import array_names, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
 
@@ -133,7 +133,7 @@ def read(source: Source) -> Clip:
                 where=f"frame {int(place[0])}",
             )
     # The path of a body of three joints, the fewest of which one can tell that it is somewhere else.
-    refuse_remote_frames(np.repeat(trans[:, None], 3, axis=1), ("trans",) * 3, source)
+    refuse_remote(np.repeat(trans[:, None], 3, axis=1), ("trans",) * 3, source)
     gender = _gender(arrays)
     rate, notes = _rate(arrays, source)
     notes.append(

@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, increasing_times, refuse_remote_frames
+from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
@@ -93,7 +93,7 @@ def read(source: Source) -> Clip:
     points = np.stack(
         [np.mean([places[name] for name in _BODIES[node][0]], axis=0) for node in nodes], axis=1
     )
-    refuse_remote_frames(points, nodes, source)
+    refuse_remote(points, nodes, source)
     unknown = np.full((len(clock), 4), np.nan)
     frames = np.stack([turns.get(_BODIES[node][1], unknown) for node in nodes], axis=1)
     skeleton = skeleton_of(nodes)

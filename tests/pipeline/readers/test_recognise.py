@@ -201,6 +201,7 @@ WALK = b"HIERARCHY " * 100
         (bz2.compress(WALK), "a file packed by bzip2; unpack it first"),
         (lzma.compress(WALK), "a file packed by xz; unpack it first"),
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),
+        (WALK.decode().encode("utf-16-le"), "text in UTF-16 without a byte-order mark; save it as UTF-8"),
         (saved(np.zeros((9, 17, 3))), "one numpy array, which does not say"),
         (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; the layout of AMASS has trans and"),
         (

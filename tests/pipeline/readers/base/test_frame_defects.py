@@ -44,36 +44,49 @@ def test_remote_coordinates_are_refused_and_missing_ones_are_not() -> None:
     source = source_of("x", Path("a.txt"))
     points = np.zeros((4, 2, 3))
     points[1, 0], points[1, 1] = np.nan, np.inf
-    refuse_remote(points, ("a", "b"), source, lambda frame: frame + 1)
+    refuse_remote(points, ("a", "b"), source, lambda frame: f"line {frame + 1}")
     points[2, 1, 2] = -101.0
-    with pytest.raises(CaptureError, match=r"line 3: expected metres, at most 100, in b_Z, found -101"):
-        refuse_remote(points, ("a", "b"), source, lambda frame: frame + 1)
+    with pytest.raises(CaptureError, match=r"line 3: expected at most 100 m in Z of b, found -101"):
+        refuse_remote(points, ("a", "b"), source, lambda frame: f"line {frame + 1}")
 
 
 def test_a_body_far_from_the_origin_is_read_and_one_joint_there_is_not() -> None:
     """Walks of kilometres and the origins of maps: what counts is that the body stays together."""
     source = source_of("x", Path("a.txt"))
+
+    def line(frame: int) -> str:
+        return f"line {frame}"
+
     joints = ("a", "b", "c", "d")
     body = np.random.default_rng(3).uniform(0.5, 1.5, (400, 4, 3))
     walk = body + np.linspace(0.0, 900.0, 400)[:, None, None] * [1.0, -1.0, 0.0]
     walk[50, 1], walk[60:70] = np.nan, 0.0  # not seen
     remote_place = body + np.array([5e4, -5e4, 0.0])
     for points in (walk, remote_place):
-        refuse_remote(points, joints, source, int)
-        with pytest.raises(CaptureError, match="line 200: expected metres, at most 100, in c_Y, found"):
-            refuse_remote(_with(points, (200, 2, 1), 180.0), joints, source, int)
-        with pytest.raises(CaptureError, match=r"line 300: .* in a_Z, found .*; a whole body .* --unit"):
-            refuse_remote(_with(points, (300, slice(None), 2), 180.0), joints, source, int)
-        with pytest.raises(CaptureError, match=r"line 0: .* in a_Z"):
-            refuse_remote(_with(points, (0, slice(None), 2), 180.0), joints, source, int)
+        refuse_remote(points, joints, source, line)
+        with pytest.raises(CaptureError, match="line 200: expected at most 100 m in Y of c, found"):
+            refuse_remote(_with(points, (200, 2, 1), 180.0), joints, source, line)
+        with pytest.raises(CaptureError, match=r"line 300: .* in Z of a, found .*; a whole body .* --unit"):
+            refuse_remote(_with(points, (300, slice(None), 2), 180.0), joints, source, line)
+        with pytest.raises(CaptureError, match=r"line 0: .* in Z of a"):
+            refuse_remote(_with(points, (0, slice(None), 2), 180.0), joints, source, line)
     with pytest.raises(CaptureError, match="line 0: "):
-        refuse_remote(body + 2e5, joints, source, int)
+        refuse_remote(body + 2e5, joints, source, line)
     # Millimetres, which no reader of metres may take for kilometres.
     with pytest.raises(CaptureError, match="line 0: "):
-        refuse_remote(1000.0 * body, joints, source, int)
+        refuse_remote(1000.0 * body, joints, source, line)
 
 
 def _with(points: Array, place: tuple[int, int | slice, int], more: float) -> Array:
     changed = points.copy()
     changed[place] += more
     return changed
+
+
+def test_the_message_is_in_the_files_unit() -> None:
+    points = np.zeros((2, 1, 3))
+    points[1, 0, 0] = 5e5
+    with pytest.raises(
+        CaptureError, match=r"frame 1: expected at most 100000 mm in X of PELVIS, found 5e\+08"
+    ):
+        refuse_remote(points, ("PELVIS",), source_of("x", Path("a.json")), unit="mm")

@@ -157,6 +157,15 @@ def test_mistakes_in_a_description_name_their_key(tmp_path: Path, wrong: str, me
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("named", ["utf-16", "UTF_16_LE"])
+def test_a_table_in_utf_16_may_say_so(tmp_path: Path, named: str) -> None:
+    rows = table(y_up(joints()).reshape(FRAMES, -1))
+    same = read(tmp_path, rows, BASE)
+    (tmp_path / "walk.csv").write_bytes(rows.encode("utf-16"))
+    (tmp_path / "walk.toml").write_text(BASE + f'[table]\nencoding = "{named}"\n')
+    assert np.array_equal(recognise.read(tmp_path / "walk.csv").positions, same.positions)
+
+
 @pytest.mark.parametrize(("encoding", "half"), [("utf-7", "+2AA-"), ("unicode_escape", "\\ud800")])
 def test_half_a_surrogate_pair_is_refused(tmp_path: Path, encoding: str, half: str) -> None:
     rows = table(y_up(joints()).reshape(FRAMES, -1)).replace("\n", f",{half}\n", 1)

@@ -111,7 +111,7 @@ def cell(row: int, column: int, value: str) -> Callable[[str], str]:
         (0, cell(3, 1, "0.5"), "line 4: expected a whole number as body_idx, found 0.5"),
         (0, cell(3, 2, "7"), "line 4: expected a confidence of PELVIS, 0 to 3, found 7"),
         (0, cell(3, 3, "oops"), "line 4: expected a number, found 'oops'"),
-        (0, cell(3, 3, "1e9"), "line 4: expected metres, at most 100, in PELVIS_X, found 1e"),
+        (0, cell(3, 3, "1e9"), "line 4: expected at most 100000 mm in X of PELVIS, found 1e\\+09"),
         (0, lambda text: text[: len(text) - 40], "expected 130 numbers, found .*cut off"),
         (0, lambda text: text.split("\n")[0], "line 2: expected lines of numbers, found none"),
         (

@@ -59,7 +59,7 @@ def test_upper_bodies_are_refused_listing_their_joints() -> None:
         (lambda t: t.replace("\n0 0", "\n0 x", 1), "the block of line 3: expected `joint x y z`, found '0 x"),
         (lambda t: t.replace("\n0 ", "\n25 ", 1), "expected the index of a joint, 0 to 24, found 25"),
         (lambda t: t.replace("\n3178751\n", "\nnoon\n"), "expected a time in ms, found 'noon'"),
-        (lambda t: t.replace("\n0 ", "\n0 700", 1), "line 3: expected metres, at most 100, in SpineBase_X"),
+        (lambda t: t.replace("\n0 ", "\n0 700", 1), "line 3: expected at most 100 m in X of SpineBase"),
     ],
 )
 def test_damage_names_its_line(change: Callable[[str], str], message: str) -> None:

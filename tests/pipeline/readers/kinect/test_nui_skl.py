@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import nui_skl as sample
 from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
@@ -126,6 +128,13 @@ def test_dates_are_times(skl: Text) -> None:
         nui_skl.read(source_of(skl(20, times_ms=dates), PATH))
 
 
+def test_dates_with_a_blank_before_the_time_of_day(skl: Text) -> None:
+    dates = [f"2019-05-03 10:00:{k / 30:06.3f}" for k in range(20)]
+    clip = nui_skl.read(source_of(skl(20, times_ms=dates), PATH))
+    same = nui_skl.read(source_of(skl(20, times_ms=[date.replace(" ", "T") for date in dates]), PATH))
+    assert np.array_equal(clip.times, same.times) and np.array_equal(clip.positions, same.positions)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -160,8 +169,27 @@ def test_without_times(skl: Text) -> None:
     clip = nui_skl.read(source_of(skl(columns=untimed), PATH))
     assert clip.times == pytest.approx(np.arange(40) / 30)
     reading = clip.provenance["reading"]
-    assert reading["notes"] == ["no time in the file: 30 Hz"]
+    assert reading["notes"] == ["no time in the file: times are frame numbers at 30 Hz"]
     assert reading["assumed_rate"] == {"rate": 30.0, "declared": None, "sensor": "Kinect v1"}
+
+
+def test_without_times_the_numbers_of_the_frames_show_those_that_are_missing() -> None:
+    content = sample.files(20)["walk.skl"].decode().replace("\r\n", "\n").strip().split("\n")
+    head, *rows = (line.partition("\t")[2] for line in content)
+    del rows[7:10]
+    clip = nui_skl.read(source_of("\n".join([head, *rows, rows[-1]]), PATH))
+    assert clip.times == pytest.approx(np.delete(np.arange(20), [7, 8, 9]) / 30)
+    reading = clip.provenance["reading"]
+    assert reading["notes"] == ["no time in the file: times are frame numbers at 30 Hz"]
+    assert reading["assumed_rate"]["rate"] == 30.0
+    assert [defect["rule"] for defect in reading["defects"]] == ["duplicate_frames"]
+    # A counter that does not count frames says nothing, nor does none.
+    same = [re.sub(r"^\d+", "7", row) for row in rows]
+    none = [row.partition("\t")[2] for row in rows]
+    for lines in ([head, *same], [head.partition("\t")[2], *none]):
+        clip = nui_skl.read(source_of("\n".join(lines), PATH))
+        assert clip.times == pytest.approx(np.arange(17) / 30)
+        assert clip.provenance["reading"]["notes"] == ["no time in the file: 30 Hz"]
 
 
 def test_other_joints_or_no_states_are_no_recorders_table(skl: Text) -> None:
@@ -252,7 +280,7 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
         (lambda t: t.replace("HipLeft_X", "HipRight_X"), "line 1: expected column names once each"),
         (
             lambda t: t.replace("\n99\t3\t0.", "\n99\t3\t777."),
-            "line 5: expected metres, .*HipCenter_X, found 777",
+            "line 5: expected at most 100 m in X of HipCenter, found 777",
         ),
     ],
 )

@@ -63,6 +63,20 @@ def test_empty_cells_are_missing_markers() -> None:
     assert np.delete(knee, 4).min() == 2
 
 
+@pytest.mark.parametrize("columns", [True, False])
+def test_the_last_marker_may_be_empty_at_first_and_the_first_one_too(columns: bool) -> None:
+    labels = list(sample.MARKERS)
+    # A marker of the head is first, one of an arm last.
+    points = 1000.0 * sample.points(FRAMES)
+    points[0, 0] = points[0, -1] = np.nan
+    text = sample.text(labels, points, columns=columns)
+    clips = [read(text), read(text.replace("\n", "\t\n"))]
+    assert np.array_equal(clips[0].positions, clips[1].positions, equal_nan=True)
+    ankle = clips[0].skeleton.index("ankle_left")
+    assert np.array_equal(clips[0].positions[:, ankle], read(TEXT).positions[:, ankle])
+    assert len(clips[0].times) == FRAMES
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

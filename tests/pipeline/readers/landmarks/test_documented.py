@@ -49,6 +49,22 @@ def test_freemocap_as_table_and_as_folder(tmp_path: Path) -> None:
         assert np.array_equal(recognise.read(path, rate=60.0).positions, clip.positions)
 
 
+def test_freemocap_in_which_nobody_is_seen_at_first() -> None:
+    """Without its prefix, and in metres it is MediaPipe's: the legs of the first rows that show them tell."""
+    shown = in_sight(walk(FRAMES))
+    names, *rows = freemocap.table(shown, "").decode().rstrip().split("\n")
+    empty = "," * rows[0].count(",")
+    clip = read("\n".join([names, *[empty] * 20, *rows, empty]), "body.csv")
+    assert clip.provenance["format"] == "FreeMoCap"
+    assert len(clip.times) == FRAMES + 20
+    whole = read("\n".join([names, *rows]), "body.csv")
+    assert np.array_equal(clip.positions[20:], whole.positions)
+    metres = [",".join(f"{float(cell) / 1000:.9f}" for cell in row.split(",")) for row in rows]
+    found = read("\n".join([names, *[empty] * 20, *metres]), "body.csv")
+    assert found.provenance["format"] == "MediaPipe landmarks CSV"
+    assert np.isnan(found.positions[:20]).all() and np.isfinite(found.positions[20:]).all()
+
+
 @pytest.mark.parametrize(("name", "ticks"), [("timestamp", 1.0), ("time_ms", 1000.0)])
 def test_freemocap_with_times(name: str, ticks: float) -> None:
     shown = in_sight(walk(FRAMES))
@@ -86,6 +102,14 @@ def test_zed(size: int, down: bool) -> None:
     assert np.array_equal(read(json.dumps(frames), "b.json").positions, clip.positions, equal_nan=True)
 
 
+def test_zed_in_which_nobody_is_seen_at_first() -> None:
+    frames = list(zed_json.document(FRAMES, 18, down=True).values())
+    first, step = frames[0]["timestamp"], frames[1]["timestamp"] - frames[0]["timestamp"]
+    empty = [{**frames[0], "body_list": [], "timestamp": first - k * step} for k in range(90, 0, -1)]
+    clip = read(json.dumps([*empty, *frames], indent=1), "bodies.json")
+    assert np.isnan(clip.positions[:90]).all() and np.isfinite(clip.positions[90:92]).all()
+
+
 @pytest.mark.parametrize(
     ("sample", "change", "says"),
     [
@@ -110,7 +134,7 @@ def test_zed(size: int, down: bool) -> None:
         (
             zed_json,
             lambda text: re.sub(r'"x": [-\d.]+', '"x": 9e5', text, count=1),
-            "frame 0: expected metres, at most 100",
+            "frame 0: expected at most 100 m in X of point 0, found 900000",
         ),
     ],
 )

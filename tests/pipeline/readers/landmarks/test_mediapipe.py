@@ -137,6 +137,39 @@ def test_a_row_a_landmark() -> None:
         read("\n".join(text))
 
 
+@pytest.mark.parametrize("behind_each_other", [False, True])
+def test_a_frame_without_a_person_has_empty_cells(behind_each_other: bool) -> None:
+    header = "Frame,Time (ms),Landmark,X,Y,Z,Visibility"
+    rows = [header]
+    for frame, landmarks in enumerate(long_rows(BODY)):
+        begin = f"{frame},{1000 * frame / 30:.6f}"
+        if frame in (0, 5):
+            rows.append(begin + ",,,,," + ",,,,," * (len(BODY) - 1) * behind_each_other)
+        elif behind_each_other:
+            rows.append(",".join([begin, *landmarks]))
+        else:
+            rows += [f"{begin},{one}" for one in landmarks]
+    clip = read("\n".join(rows) + "\n")
+    assert len(clip.times) == FRAMES
+    assert np.flatnonzero(np.isnan(clip.positions).all(axis=(1, 2))).tolist() == [0, 5]
+
+
+def test_json_of_protobuf_messages() -> None:
+    document = json_sample.document(FRAMES)
+    same = read(json.dumps(document), "pose.json")
+    for key in ("landmark", "landmarks"):
+        for whole in (False, True):
+            frames = [dict(frame) for frame in document]
+            for frame in frames:
+                people = frame["pose_world_landmarks"]
+                packed = [{key: person} for person in people]
+                if whole:
+                    packed = packed[0] if packed else {key: []}
+                frame["pose_world_landmarks"] = packed
+            clip = read(json.dumps(frames), "pose.json")
+            assert np.array_equal(clip.positions, same.positions, equal_nan=True)
+
+
 def test_json_with_image_and_world_landmarks() -> None:
     clip = read(json_sample.files(FRAMES)["pose.json"].decode(), "pose.json")
     check(clip)
@@ -222,7 +255,7 @@ def test_damage_is_named(change: Callable[[str], str], says: str) -> None:
         (lambda frames: frames[4].update(timestamp_ms="noon"), "expected numbers in timestamp_ms"),
         (
             lambda frames: frames[4]["pose_world_landmarks"][0][3].update(x=1e4),
-            "frame 4: expected metres, at most",
+            "frame 4: expected at most 100 m in X of ",
         ),
         (lambda frames: frames.insert(4, 7), "frame 4: expected a frame with landmarks, found int"),
     ],

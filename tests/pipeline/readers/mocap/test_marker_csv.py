@@ -69,7 +69,7 @@ def test_metres_in_place_of_millimetres_are_found() -> None:
         (lambda text: text.replace("LKNE (y)", "LKNO (y)"), r"no column LKNE \(y\)"),
         (lambda text: text.replace("LKNE", "KNOB").replace("LANK", "BONK"), "none for left knee"),
         (lambda text: text.replace(LINES[4].split(";")[3], "oops", 1), "expected a number, found 'oops'"),
-        (lambda text: text.replace(LINES[4].split(";")[3], "1e9", 1), "expected metres, at most 100"),
+        (lambda text: text.replace(LINES[4].split(";")[3], "1e9", 1), "expected at most 100"),
         (lambda text: text[: len(text) - 100], "expected 117 numbers, found .*the file is cut off"),
         (lambda _: LINES[0], "line 2: expected lines of numbers, found none"),
     ],

@@ -111,6 +111,20 @@ def test_the_regression_is_said(tmp_path: Path) -> None:
         assert author in " ".join(clip.provenance["reading"]["notes"])
 
 
+def test_davis_regression_needs_the_length_of_the_leg(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The markers of knee and ankle are never seen together.
+    for label, odd in (("L.Knee.Lat", 0), ("L.Ankle.Lat", 1)):
+        hidden = PLACES[label].copy()
+        hidden[odd::2] = np.nan
+        monkeypatch.setitem(PLACES, label, hidden)
+    with pytest.raises(CaptureError, match=r"expected leg_length in the marker set, or .*, found neither"):
+        recognise.read(put(tmp_path, 'hips = "davis"'))
+    recognise.read(put(tmp_path, 'hips = "davis"\nleg_length = 0.9'))
+    recognise.read(put(tmp_path, 'hips = "bell"'))
+
+
 def test_labels_of_the_rizzoli_institute() -> None:
     labels = [f"{s}{label}" for s in "LR" for label in ("ASIS", "PSIS", "LE", "ME", "LM", "MM", "FM", "VM")]
     found = landmarks(labels)

@@ -84,7 +84,7 @@ def test_nan_and_the_origin_are_missing() -> None:
         (lambda n: n.__setitem__(50, "Spine;1;2;1_0"), "line 51: expected a number, found '1_0'"),
         (
             lambda n: n.__setitem__(50, "Spine;1;2;700"),
-            "line 41: expected metres, at most 100, in Spine_Z, found 700",
+            "line 41: expected at most 100 m in Z of Spine, found 700",
         ),
         (
             lambda n: n.__delitem__(slice(8, None)),

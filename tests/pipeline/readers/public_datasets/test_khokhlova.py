@@ -84,7 +84,7 @@ def change(text: str, line: int, field: int, value: str) -> str:
         (0, "x", "line 41: expected a number, found 'x'"),
         (1, "inf", "line 41: expected a time, found a non-finite number"),
         (2, "5", "line 41: expected a state of SpineBase, 0, 1 or 2, found 5"),
-        (4, "1e6", "line 41: expected metres, at most 100, in SpineBase_Y"),
+        (4, "1e6", "line 41: expected at most 100 m in Y of SpineBase"),
         (9, "3", "line 41: expected a unit quaternion of SpineBase"),
         (9, "1e200", "line 41: expected a unit quaternion of SpineBase, found one of length inf"),
     ],

@@ -71,7 +71,7 @@ def test_a_spreadsheet_writes_commas_into_empty_lines() -> None:
     [
         (20, lambda row: row[:-40], r"line 21: expected 100 numbers, found 9\d"),
         (20, lambda row: "x" + row[1:], "line 21: expected a number"),
-        (20, lambda row: "1e9" + row[row.index(",") :], r"line 21: expected metres, at most 100.*1e\+09"),
+        (20, lambda row: "1e9" + row[row.index(",") :], r"line 21: expected at most 100 m.*1e\+09"),
         (20, lambda row: row[:-2] + "3,", "line 21: expected a state of ThumbRight, 0, 1 or 2, found 3"),
         (94, lambda row: row[:100], "cut off there"),
         (5, lambda row: row[:100], r"line 6: expected 100 numbers, found 1\d"),

@@ -53,7 +53,7 @@ def test_a_repeated_line_is_dropped_and_counted() -> None:
         (lambda row: row[:-2] + "7,", "line 41: expected a state of ThumbRight, 0, 1 or 2, found 7"),
         (
             lambda row: re.sub(",[^,]*", ",-5e6", row, count=1),
-            "line 41: expected metres, at most 100, in SpineBase_X",
+            "line 41: expected at most 100 m in X of SpineBase",
         ),
     ],
 )

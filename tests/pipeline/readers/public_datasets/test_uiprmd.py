@@ -108,7 +108,7 @@ def test_damage_is_named(tmp_path: Path) -> None:
     broken[4, 3 * UIPRMD_JOINTS.index("LHand") + 1] = np.nan
     refused(broken, angles, "line 5: expected a finite number, found nan in LHand")
     broken[4, 3 * UIPRMD_JOINTS.index("LHand") + 1] = 1e9
-    refused(broken, angles, r"line 5: expected metres, at most 100, in LHand_Y, found 1e\+07")
+    refused(broken, angles, r"line 5: expected at most 10000 cm in Y of LHand, found 1e\+09")
     turned = angles.copy()
     turned[2, 0] = 1e5
     refused(

@@ -126,7 +126,7 @@ def infinite(arrays: Arrays) -> Arrays:
         ),
         (
             put("trans", np.eye(60, 3) * 1e4),
-            "frame 0: expected metres, at most 100, in trans, found 10000",
+            "frame 0: expected at most 100 m in X of trans, found 10000",
         ),
         (infinite, "frame 7: expected radians of at most 25.13 in poses, found inf"),
         (put("trans", np.array([object()])), r"expected numbers or words in trans, found"),

@@ -67,7 +67,7 @@ def put(*path: str, value: Any) -> Callable[[dict[str, Any]], None]:
         ),
         (
             put("bodies", "tibia_l", "translation", value=[[0.0, 0.0, 1e4]] * 40),
-            "frame 0: expected metres, at most 100, in knee_left",
+            "frame 0: expected at most 100 m in Z of knee_left",
         ),
         (put("bodies", "hand_r", value=7), "expected translation of hand_r|expected rotation of hand_r"),
     ],
