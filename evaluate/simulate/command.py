@@ -66,7 +66,7 @@ def simulate(
     # Import cost, and viser may not be installed.
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415
     from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.loop import Loop, Performance  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.loop import Loop, Performance, replay_command  # noqa: PLC0415
     from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
     from kinemimic.evaluate.simulate.recording import begin_session  # noqa: PLC0415
     from kinemimic.evaluate.simulate.session import Session  # noqa: PLC0415
@@ -85,20 +85,25 @@ def simulate(
         return begin_session(chosen.run, engine, restart=restart, speed=chosen.speed, named=scenario)
 
     choices = Choices(
-        repertoire.policies, tuple(repertoire.motions), shipped_scenarios(), repertoire.own, repertoire.own
-    )
+        repertoire.policies, tuple(repertoire.motions), shipped_scenarios(), repertoire.own, repertoire.own,
+        repertoire.trackers,
+    )  # fmt: skip
     clock = Clock(CONTROL_RATE)
     page = Page(port, secrets.token_urlsafe(16), choices)
+    recorded: list[Path] = []
     try:
         loop = Loop(
             performed, page, clock, engine=engine, open_session=opened, choose=choose,
             recordings=run / "simulate",
         )  # fmt: skip
+        recorded = loop.recorded
         echo(f"open {page.address}\nCtrl-C ends it.")
         with heartbeat(lambda: ""):  # the page shows that it is alive
-            loop.run(None if seconds is None else round(seconds * CONTROL_RATE))
+            loop.run(seconds=seconds)
     finally:
         page.close()
+        for folder in recorded:
+            echo(f"recorded: {replay_command(folder)}")
         echo(f"{clock.beats} control steps, {100.0 * clock.on_time:.2f} % on time")
 
 

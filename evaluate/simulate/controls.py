@@ -5,18 +5,28 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import viser
 from viser import uplot
 
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.inputs import Carry, Clear, Enter, Ground, Input, Push, Restart, Throw
+from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING, Frame
+from kinemimic.evaluate.simulate.inputs import (
+    Carry,
+    Clear,
+    Enter,
+    Ground,
+    Input,
+    Push,
+    Request,
+    Restart,
+    Throw,
+)
 from kinemimic.train.sim.world import CONTROL_RATE
 
-Send = Callable[[viser.GuiEvent[Any], Input], None]
-Act = Callable[[viser.GuiEvent[Any]], None]
+Event = viser.GuiEvent[Any]
+T = TypeVar("T", bound=Any)
 NO_SCENARIO = "none"
 SHOWN = 4 * CONTROL_RATE  # control steps of the curves
 CURVES = {"knee": "knee_left", "hip": "hip_left"}
@@ -24,39 +34,52 @@ CURVES = {"knee": "knee_left", "hip": "hip_left"}
 
 @dataclass(frozen=True)
 class Choices:
-    """What the page offers, by name; policy, motion: what is performed first."""
+    """What the page offers, by name; policy, motion: what is performed first; trackers: the policies that
+    perform every motion. Another one performs its own, of its name."""
 
     policies: Sequence[str]
     motions: Sequence[str]
     scenarios: Sequence[str]
     policy: str
     motion: str
+    trackers: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
 class Actions:
-    """What the page asks of its owner beside inputs; every callback gets the event of the click."""
+    """What the page asks of its owner; client: who asks.
 
-    send: Send
-    toggle: Act
-    one_step: Act
-    slower: Callable[[viser.GuiEvent[Any], float], None]
-    choose: Callable[[viser.GuiEvent[Any], str, str, float], None]
-    record: Act
-    take_control: Act
+    allowed: whether a client holds the controls, which it is told if not; send: an input, or a request by its
+    name and arguments; take_control: hold the controls; say: tell a client.
+    """
+
+    allowed: Callable[[int], bool]
+    send: Callable[[Input | Request], None]
+    take_control: Callable[[int], None]
+    say: Callable[[int, str], None]
 
 
 class Controls:
-    """The panel of a server."""
+    """The panel of a server.
+
+    All callbacks are coroutines that wait for nothing: viser awaits these in the order of its messages, and
+    runs plain functions in threads, in any order.
+    """
 
     def __init__(self, server: viser.ViserServer, choices: Choices, actions: Actions) -> None:
         self._server, self._act = server, actions
         gui = server.gui
         gui.configure_theme(control_width="medium", dark_mode=False, show_share_button=False)
         gui.main_panel.dock_right()
-        self.status = gui.add_markdown("")
-        self._control = gui.add_button("Take control", icon=viser.Icon.HAND_GRAB)
-        self._control.on_click(actions.take_control)
+        # Orders below 0 are above everything else.
+        self.status = gui.add_markdown("", order=-3.0)
+        self._control = gui.add_button("Take control", icon=viser.Icon.HAND_GRAB, order=-1.0)
+
+        async def take(event: Event) -> None:
+            if event.client_id is not None:
+                actions.take_control(event.client_id)
+
+        self._control.on_click(take)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Play"):
             self._play(choices)
@@ -67,42 +90,91 @@ class Controls:
         with tabs.add_tab("Curves"):
             self._curves()
 
-    def _button(self, label: str, make: Callable[[], Input], hint: str | None = None) -> None:
-        def clicked(event: viser.GuiEvent[Any]) -> None:
-            self._act.send(event, make())
+    @staticmethod
+    def note(client: viser.ClientHandle) -> Any:
+        """A line for one viewer alone, below the state of the session."""
+        return client.gui.add_markdown("", order=-2.0)
 
-        self._server.gui.add_button(label, hint=hint).on_click(clicked)
+    def _clicks(self, button: Any, clicked: Callable[[Event], None]) -> Any:
+        """Call a function when a viewer who holds the controls presses a button."""
+
+        async def called(event: Event) -> None:
+            if event.client_id is not None and self._act.allowed(event.client_id):
+                clicked(event)
+
+        button.on_click(called)
+        return button
+
+    def _button(self, label: str, make: Callable[[], Input | Request], hint: str | None = None) -> None:
+        self._clicks(self._server.gui.add_button(label, hint=hint), lambda _: self._act.send(make()))
+
+    def _held(self, handle: T, make: Callable[[], Input | Request] | None = None) -> T:
+        """An input whose value only the holder of the controls changes; make: what to send then.
+
+        viser has stored and sent on the value before it asks.
+        """
+        value = handle.value
+
+        async def changed(event: Event) -> None:
+            nonlocal value
+            if event.client_id is None:  # from here
+                value = handle.value
+            elif not self._act.allowed(event.client_id):
+                handle.value = value
+            else:
+                value = handle.value
+                if make is not None:
+                    self._act.send(make())
+
+        handle.on_update(changed)
+        return handle
 
     def _play(self, choices: Choices) -> None:
         gui, act = self._server.gui, self._act
-        self.pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
-        self.pause.on_click(act.toggle)
-        gui.add_button("One step", icon=viser.Icon.PLAYER_TRACK_NEXT).on_click(act.one_step)
-        speed = gui.add_slider("Slow motion", 0.1, 1.0, 0.05, 1.0, hint="1 is real time")
-        speed.on_update(lambda event: act.slower(event, float(speed.value)))
-        phase = gui.add_slider("Start phase", 0.0, 1.0, 0.01, 0.0)
-        self._button("Restart", lambda: Restart(float(phase.value)), "Put the humanoid onto its reference")
-        self.follow = gui.add_checkbox("Follow", initial_value=True)
-        self.ghost = gui.add_checkbox("Show reference", initial_value=True)
-        policy = gui.add_dropdown("Policy", tuple(choices.policies), initial_value=choices.policy)
-        motion = gui.add_dropdown("Motion", tuple(choices.motions), initial_value=choices.motion,
-                                  hint="Only a tracker performs every motion")  # fmt: skip
-        pace = gui.add_slider("Speed of the motion", 0.7, 1.3, 0.05, 1.0, hint="For trackers")
-        gui.add_button("Change policy and motion").on_click(
-            lambda event: act.choose(event, str(policy.value), str(motion.value), float(pace.value))
+        self._pause = self._clicks(
+            gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE), lambda _: act.send(("toggle", ()))
         )
-        self.recorder = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red")
-        self.recorder.on_click(act.record)
+        self._clicks(
+            gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT), lambda _: act.send(("step", ()))
+        )
+        speed = gui.add_slider("Playback speed", 0.1, 1.0, 0.05, 1.0, hint="1 is real time")
+        self._held(speed, lambda: ("speed", (float(speed.value),)))
+        phase = self._held(gui.add_slider("Start phase", 0.0, 1.0, 0.01, 0.0))
+        self._button("Restart", lambda: Restart(float(phase.value)), "Put the humanoid onto its reference")
+        self.follow = self._held(gui.add_checkbox("Camera follows", initial_value=True), lambda: ("look", ()))
+        self.ghost = self._held(gui.add_checkbox("Show reference", initial_value=True), lambda: ("look", ()))
+        self._policy = self._held(
+            gui.add_dropdown("Policy", tuple(choices.policies), initial_value=choices.policy)
+        )
+        self._motion: Any = self._held(
+            gui.add_dropdown("Motion", tuple(choices.motions), initial_value=choices.motion,
+                             hint="Only a tracker performs every motion")
+        )  # fmt: skip
+        pace = self._held(gui.add_slider("Speed of the motion", 0.7, 1.3, 0.05, 1.0, hint="For trackers"))
+
+        def choose(event: Event) -> None:
+            policy, motion = str(self._policy.value), str(self._motion.value)
+            own = policy in choices.motions and policy not in choices.trackers
+            if own and motion != policy and event.client_id is not None:
+                self._act.say(event.client_id, f"{policy} performs only its own motion")
+                self._motion.value = motion = policy
+            act.send(("choose", (policy, motion, float(pace.value))))
+
+        self._clicks(gui.add_button("Change policy and motion"), choose)
+        self._recorder = self._clicks(
+            gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red"),
+            lambda _: act.send(("record", ())),
+        )
 
     def _push(self) -> None:
         gui = self._server.gui
         gui.add_markdown("Drag any body of the humanoid with the mouse.")
-        self.stiffness = gui.add_slider("Spring, N/m", 50, 2000, 50, 200)
-        self.limit = gui.add_slider("Limit, N", 10, 1000, 10, 150)
-        with gui.add_folder("Pull and push the torso (Fig. 9)"):
-            size = gui.add_slider("Force, N", 5, 500, 5, 25)
-            lasts = gui.add_slider("Time, s", 0.1, 3.0, 0.1, 1.0)
-            growing = gui.add_checkbox("Growing", initial_value=True)
+        self.stiffness = self._held(gui.add_slider("Spring stiffness, N/m", 50, 2000, 50, 200))
+        self.limit = self._held(gui.add_slider("Largest force, N", 10, 1000, 10, 150))
+        with gui.add_folder("Pull and push the torso"):
+            size = self._held(gui.add_slider("Force, N", 5, 500, 5, 25))
+            lasts = self._held(gui.add_slider("Time, s", 0.1, 3.0, 0.1, 1.0))
+            growing = self._held(gui.add_checkbox("Increase gradually", initial_value=True))
 
             def pull(x: float, y: float) -> Callable[[], Input]:
                 return lambda: Push(
@@ -114,8 +186,8 @@ class Controls:
 
             for label, x, y in (("Forward", 1, 0), ("Backward", -1, 0), ("Left", 0, 1), ("Right", 0, -1)):
                 self._button(label, pull(x, y))
-        with gui.add_folder("Leg force and arm torque (Fig. 10)"):
-            seconds = gui.add_slider("Time of both, s", 0.1, 7.0, 0.1, 7.0)
+        with gui.add_folder("Leg force and arm torque"):
+            seconds = self._held(gui.add_slider("Duration, s", 0.1, 7.0, 0.1, 7.0))
 
             def steps() -> int:
                 return max(1, round(float(seconds.value) * CONTROL_RATE))
@@ -127,9 +199,9 @@ class Controls:
                 "30 N·m on an arm", lambda: Push("upper_arm_left", torque=(30.0, 0.0, 0.0), steps=steps())
             )
             weight = gui.add_slider("Weight in the hand, kg", 0.0, 10.0, 0.5, 0.0)
-            weight.on_update(lambda event: self._act.send(event, Carry("hand_left", float(weight.value))))
-        with gui.add_folder("Balls and boxes (Fig. 11)"):
-            mass = gui.add_slider("Mass, kg", 0.5, 20.0, 0.5, 1.0)
+            self._held(weight, lambda: Carry("hand_left", float(weight.value)))
+        with gui.add_folder("Balls and boxes"):
+            mass = self._held(gui.add_slider("Mass, kg", 0.5, 20.0, 0.5, 1.0))
             self._button(
                 "Throw a ball at the chest",
                 lambda: Throw("sphere", (0.24,) * 3, float(mass.value), (1.8, 0.0, 1.15), (-2.0, 0.0, 2.6)),
@@ -146,20 +218,18 @@ class Controls:
                 "Post of hip height ahead",
                 lambda: Throw("cylinder", (0.3, 0.3, 0.85), float(mass.value), (1.5, 0.0, 0.425)),
             )
-            self._button("Clear", Clear, "Remove all obstacles, and end all pushes")
+            self._button("Remove obstacles and pushes", Clear)
 
     def _ground(self, choices: Choices) -> None:
         gui = self._server.gui
-        friction = gui.add_slider("Friction", 0.05, 1.0, 0.05, 0.9)
-        slope = gui.add_slider("Slope, degrees", -10.0, 10.0, 0.5, 0.0)
+        friction = self._held(gui.add_slider("Friction", 0.05, 1.0, 0.05, 0.9))
+        slope = self._held(gui.add_slider("Slope, degrees", -10.0, 10.0, 0.5, 0.0))
+        self._button("Apply", lambda: Ground(float(friction.value), float(np.radians(slope.value))))
+        scenario = self._held(gui.add_dropdown("Scenario", (NO_SCENARIO, *choices.scenarios)))
+        trial = self._held(gui.add_number("Trial", 0, min=0, max=9999, step=1))
         self._button(
-            "Change the ground", lambda: Ground(float(friction.value), float(np.radians(slope.value)))
-        )
-        scenario = gui.add_dropdown("Scenario", (NO_SCENARIO, *choices.scenarios))
-        seed = gui.add_number("Trial", 0, min=0, max=9999, step=1)
-        self._button(
-            "Enter the scenario",
-            lambda: Enter("" if scenario.value == NO_SCENARIO else str(scenario.value), int(seed.value)),
+            "Start the scenario",
+            lambda: Enter("" if scenario.value == NO_SCENARIO else str(scenario.value), int(trial.value)),
         )
 
     def _curves(self) -> None:
@@ -184,7 +254,12 @@ class Controls:
 
     def take(self, frame: Frame) -> None:
         """Keep a frame for the curves."""
-        row = [frame.step / CONTROL_RATE]
+        time = frame.step / CONTROL_RATE
+        if self._rows and time < self._rows[-1][0]:  # another session
+            self._rows.clear()
+        if self._rows and time == self._rows[-1][0]:  # drawn again while the session is paused
+            self._rows.pop()
+        row = [time]
         for angle in CURVES.values():
             row += [np.degrees(frame.wanted[angle]), np.degrees(frame.angles[angle])]
         self._rows.append(tuple(row))
@@ -192,6 +267,8 @@ class Controls:
     def show(self, frame: Frame, state: str) -> None:
         """Numbers and curves; a few times a second."""
         self.status.content = state
+        _label(self._pause, "Resume" if f": {PAUSED}," in state else "Pause")
+        _label(self._recorder, "Stop recording" if state.startswith(RECORDING) else "Record")
         rows = np.array(self._rows)
         if len(rows) > 1:
             for k, plot in enumerate(self._plots.values()):
@@ -199,3 +276,8 @@ class Controls:
         terms = "".join(f"| {name} | {value:.2f} |\n" for name, value in frame.terms.items())
         height = frame.bodies.positions[0, 2]
         self._numbers.content = f"| reward | |\n|---|---|\n{terms}| height of the pelvis | {height:.2f} m |"
+
+
+def _label(button: Any, label: str) -> None:
+    if button.label != label:  # viser sends every assignment
+        button.label = label

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import hmac
 import http
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,14 +17,42 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import viser
 import websockets.asyncio.server
+from viser import _messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from kinemimic.pipeline.errors import KinemimicError
+
 HOST = "127.0.0.1"
+PORTS = 100  # tried before giving up
 MAX_CONNECTIONS = 16
 MAX_MESSAGE = 1 << 20  # bytes from a browser; its largest are a few hundred
 _PATCH = threading.Lock()
+
+
+def free_port(first: int) -> int:
+    """The first port from `first` on that is free on this machine; KinemimicError if there is none.
+
+    viser would look for one beyond the last port there is, and wait for ever.
+    """
+    for port in range(first, min(first + PORTS, 1 << 16)):
+        with socket.socket() as tried:
+            # As asyncio opens it: a port that a closed page has just left is free.
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                tried.bind((HOST, port))
+            except OSError:
+                continue
+            return port
+    raise KinemimicError(f"expected a free port of {HOST} from {first} on, found none: choose another --port")
+
+
+def never_share(server: viser.ViserServer) -> None:
+    """Refuse a browser's request for a tunnel from viser's share server to this one."""
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)
 
 
 class Guard:

@@ -9,18 +9,19 @@ from __future__ import annotations
 import io
 import queue
 import threading
+import time
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import viser
 
 from kinemimic.evaluate.simulate.controls import Actions, Choices, Controls
 from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.guard import HOST, Guard, guarded
-from kinemimic.evaluate.simulate.inputs import Drag, Input, Release, finite
+from kinemimic.evaluate.simulate.guard import HOST, Guard, free_port, guarded, never_share
+from kinemimic.evaluate.simulate.inputs import Drag, Input, Release, Request, finite
 from kinemimic.evaluate.simulate.stage import Stage
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
@@ -32,8 +33,7 @@ CAMERA, LOOK_AT = (2.6, -3.0, 1.6), (0.0, 0.0, 0.9)
 # On a phone viser's panel has the lower three fifths: looking lower puts the humanoid above it. The shape
 # tells a phone from a tablet; the number of pixels depends on the screen's density.
 NARROW, LOOK_BELOW = 0.65, (0.0, 0.0, -0.95)  # width by height, m
-# What a person asks for beside inputs: its name and arguments.
-Request = tuple[Literal["toggle", "step", "speed", "choose", "record"], tuple[Any, ...]]
+NOTICE = 3.0  # s that a refusal is shown; none follows it within them
 
 
 @dataclass(frozen=True)
@@ -50,28 +50,26 @@ class Page:
     """Serves a session on 127.0.0.1; `address` has the token.
 
     One viewer at a time holds the controls: the first one, until another takes them or it leaves.
+    KinemimicError without a free port.
     """
 
     def __init__(self, port: int, token: str, choices: Choices) -> None:
         self.waiting: queue.Queue[Input | Request] = queue.Queue(MAX_WAITING)
         self._holder: int | None = None
+        self._notes: dict[int, Any] = {}  # of the viewers, who has the controls
+        self._noticed: dict[int, float] = {}  # when a viewer was refused, s
         self._last: Frame | None = None
         self._pull: _Pull | None = None
+        # Between a pull and its queued drags: a drag behind its release would last for ever.
         self._lock = threading.Lock()
+        port = free_port(port)
         # viser prints a box with an address that lacks the token.
         with guarded(token) as guard, redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host=HOST, port=port, label="kinemimic", verbose=False)
+        never_share(self._server)
         self._guard: Guard = guard
         self._stage = Stage(self._server)
-        actions = Actions(
-            send=lambda event, found: self._put(event.client_id, found),
-            toggle=self._asks("toggle"),
-            one_step=self._asks("step"),
-            slower=lambda event, speed: self._put(event.client_id, ("speed", (speed,))),
-            choose=lambda event, *chosen: self._put(event.client_id, ("choose", chosen)),
-            record=self._asks("record"),
-            take_control=lambda event: self._hold(event.client_id),
-        )
+        actions = Actions(allowed=self._allowed, send=self._offer, take_control=self._hold, say=self._say)
         self.controls = Controls(self._server, choices, actions)
         for body, node in zip(BODIES, self._stage.bodies, strict=True):
             node.on_drag("left")(self._dragged(body.name))
@@ -83,83 +81,90 @@ class Page:
         """Where to open the page."""
         return f"http://{HOST}:{self._server.get_port()}/?token={self._guard.token}"
 
-    def _connected(self, client: viser.ClientHandle) -> None:
+    # Coroutines, for the same reason as the callbacks of the panel.
+    async def _connected(self, client: viser.ClientHandle) -> None:
         narrow = client.camera.aspect <= NARROW
         client.camera.position, client.camera.look_at = CAMERA, LOOK_BELOW if narrow else LOOK_AT
-        with self._lock:
-            if self._holder is None:
-                self._holder = client.client_id
+        self._notes[client.client_id] = self.controls.note(client)
+        self._hold(client.client_id if self._holder is None else self._holder)
 
-    def _left(self, client: viser.ClientHandle) -> None:
-        with self._lock:
-            if self._holder == client.client_id:
-                self._holder = min(
-                    (one for one in self._server.get_clients() if one != client.client_id), default=None
-                )
-                self._pull = None  # it may have gone in the middle of a drag
-                self._offer(Release())
+    async def _left(self, client: viser.ClientHandle) -> None:
+        self._notes.pop(client.client_id, None)
+        self._noticed.pop(client.client_id, None)
+        left = self._holder == client.client_id
+        self._hold(min(self._notes, default=None) if left else self._holder)
 
     def _hold(self, client: int | None) -> None:
-        with self._lock:
-            if self._holder != client:
-                self._pull = None
+        """Give a viewer the controls, and tell all who has them."""
+        if self._holder not in (None, client):
+            with self._lock:
+                self._pull = None  # its viewer may have gone in the middle of a drag
                 self._offer(Release())
-            self._holder = client
+        self._holder = client
+        for viewer, note in self._notes.items():
+            who = "you have" if viewer == client else "another viewer has"
+            note.content = f"{len(self._notes)} viewers; {who} the controls" if len(self._notes) > 1 else ""
 
-    def _asks(self, name: Any) -> Callable[[viser.GuiEvent[Any]], None]:
-        return lambda event: self._put(event.client_id, (name, ()))
+    def _allowed(self, client: int) -> bool:
+        """Whether a viewer holds the controls; it is told if not."""
+        if client == self._holder:
+            return True
+        now = time.monotonic()
+        if now - self._noticed.get(client, -NOTICE) >= NOTICE:
+            self._noticed[client] = now
+            self._say(client, "Press “Take control” first.", title="Another viewer holds the controls")
+        return False
 
-    def _put(self, client: int | None, found: Input | Request) -> None:
-        """Queue what a viewer did if it holds the controls; say so if not."""
-        if client is not None and client != self._holder:
-            self._pull = None
-            if (viewer := self._server.get_clients().get(client)) is not None:
-                viewer.add_notification(
-                    "Another viewer holds the controls",
-                    "Press “Take control” first.",
-                    auto_close_seconds=3.0,
-                )
-            return
-        self._offer(found)
+    def _say(self, client: int, text: str, *, title: str = "kinemimic") -> None:
+        if (viewer := self._server.get_clients().get(client)) is not None:
+            viewer.add_notification(title, text, auto_close_seconds=NOTICE)
 
-    def _offer(self, found: Input | Request) -> None:
+    def _offer(self, event: Input | Request) -> None:
         try:
-            self.waiting.put_nowait(found)
+            self.waiting.put_nowait(event)
         except queue.Full:
-            if isinstance(found, Release):  # the one input that must not be lost
+            if isinstance(event, Release):  # the one input that must not be lost
                 self.waiting.queue.clear()
-                self.waiting.put_nowait(found)
+                self.waiting.put_nowait(event)
 
     def _dragged(self, body: str) -> Callable[[Any], Any]:
         index = BODY_INDEX[body]
 
-        # A coroutine: viser runs plain functions out of order.
         async def dragged(event: Any) -> None:
             frame, client = self._last, event.client_id
-            if event.phase == "end" or frame is None:
-                self._pull = None
-                self._put(client, Release())
+            if client != self._holder:
+                if event.phase == "start":
+                    self._allowed(client)
                 return
-            if not finite(*event.start_position, *event.end_position):
+            if event.phase == "end":
+                with self._lock:
+                    self._pull = None
+                    self._offer(Release())
                 return
-            pull = self._pull
-            if pull is None or pull.client != client:
-                arm = self._stage.in_session(np.array(event.start_position)) - frame.bodies.positions[index]
-                grab = rotate(conjugate(frame.bodies.rotations[index]), arm)
-                pull = _Pull(client, body, grab, np.zeros(3))
-            self._pull = replace(pull, pointer=np.array(event.end_position))
+            if frame is None or not finite(*event.start_position, *event.end_position):
+                return
+            pointer = np.array(event.end_position)
+            with self._lock:
+                if event.phase == "start":
+                    start = self._stage.in_session(np.array(event.start_position))
+                    arm = start - frame.bodies.positions[index]
+                    grab = rotate(conjugate(frame.bodies.rotations[index]), arm)
+                    self._pull = _Pull(client, body, grab, pointer)
+                elif self._pull is not None and self._pull.client == client:
+                    self._pull = replace(self._pull, pointer=pointer)
 
         return dragged
 
     def _pulled(self) -> None:
         """Queue a drag for the next control step. The pointer rests on the screen, which follows."""
-        pull = self._pull
-        if pull is None:
-            return
-        gx, gy, gz = np.clip(pull.grab, -5.0, 5.0).tolist()
-        x, y, z = np.clip(self._stage.in_session(pull.pointer), -1e4, 1e4).tolist()
-        stiffness, limit = float(self.controls.stiffness.value), float(self.controls.limit.value)
-        self._put(pull.client, Drag(pull.body, (gx, gy, gz), (x, y, z), stiffness, limit))
+        with self._lock:
+            pull = self._pull
+            if pull is None:
+                return
+            gx, gy, gz = np.clip(pull.grab, -5.0, 5.0).tolist()
+            x, y, z = np.clip(self._stage.in_session(pull.pointer), -1e4, 1e4).tolist()
+            stiffness, limit = float(self.controls.stiffness.value), float(self.controls.limit.value)
+            self._offer(Drag(pull.body, (gx, gy, gz), (x, y, z), stiffness, limit))
 
     def draw(self, frame: Frame) -> None:
         """Show a frame."""

@@ -17,7 +17,8 @@ MOTION = "motion.json"
 class Repertoire:
     """The policies and motions that the page offers, and the run folders that hold them.
 
-    run: the folder that was asked for; folder: where the others are prepared.
+    run: the folder that was asked for; folder: where the others are prepared. own: the name of its policy and
+    of its motion; trackers: the policies that perform every motion.
     """
 
     def __init__(self, run: Path, folder: Path) -> None:
@@ -32,6 +33,7 @@ class Repertoire:
         taken = {*with_motion, *self._shipped.trackers()}
         self.own = f"{run.name} (this run)" if run.name in taken else run.name
         self.policies = tuple(dict.fromkeys((self.own, *self._shipped.trackers(), *with_motion)))
+        self.trackers = (*((self.own,) if self.any_motion else ()), *self._shipped.trackers())
         self.motions: Mapping[str, Path] = {
             **{name: POLICIES / name / MOTION for name in with_motion},
             self.own: run / MOTION,
@@ -44,14 +46,17 @@ class Repertoire:
         if policy == self.own and (motion == self.own or not self.any_motion):
             return self._run, self.own
         if policy not in self._shipped.trackers() and policy != self.own:
-            folder = self._folder / f"{policy}-{file_hash(POLICIES / policy / POLICY)[:8]}"
+            folder = self._of(policy, POLICIES / policy / POLICY, POLICIES / policy / MOTION)
             self._shipped.prepare(policy, folder)
             return folder, policy
         source = self._run if policy == self.own else POLICIES / policy
-        # A folder of its own for each state of the policy, which may be trained again.
-        name = f"{policy}-{motion}-{file_hash(source / POLICY)[:8]}".replace(" (this run)", "")
-        folder = self._folder / name
+        folder = self._of(f"{policy}-{motion}", source / POLICY, self.motions[motion])
         folder.mkdir(parents=True, exist_ok=True)
         copy_file(self.motions[motion], folder / MOTION)
         self._shipped.prepare(str(self._run) if policy == self.own else policy, folder)
         return folder, motion
+
+    def _of(self, name: str, policy: Path, motion: Path) -> Path:
+        """The folder of a policy with a motion: one for each state of both, which may be made again."""
+        hashes = f"{file_hash(policy)[:8]}-{file_hash(motion)[:8]}"
+        return self._folder / f"{name.replace(' (this run)', '')}-{hashes}"

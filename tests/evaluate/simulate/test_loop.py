@@ -127,6 +127,17 @@ def test_a_tracker_that_was_trained_again_gets_another_folder(walk_run: Path, tm
         assert file_hash(folder / POLICY)[:8] in folder.name
 
 
+def test_another_motion_of_the_same_name_gets_another_folder(walk_run: Path, tmp_path: Path) -> None:
+    run = tmp_path / "mine"
+    shutil.copytree(walk_run, run)
+    repertoire = Repertoire(run, tmp_path / "prepared")
+    assert repertoire.trackers == ("tracker",)
+    before, _ = repertoire.prepared("tracker", "mine")
+    shutil.copy(POLICIES / "run" / "motion.json", run)
+    after, _ = repertoire.prepared("tracker", "mine")
+    assert [file_hash(folder / "motion.json")[:8] in folder.name for folder in (before, after)] == [True] * 2
+
+
 def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Page, tmp_path: Path) -> None:
     for _ in range(5):
         loop.beat()
