@@ -58,8 +58,8 @@ class LiveView:
 
     raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
     time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0
-    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: number
-    of times a person appeared; starved: whether no frame was due.
+    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame, NaN where
+    starved; people: number of times a person appeared; starved: whether no frame was due.
     """
 
     raw: Array
