@@ -56,7 +56,7 @@ def _convert(run: Path, out: Path) -> Clip:
     joints = None
     if clip.euler is not None and clip.orders is not None:
         joints = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
-    report = gimbal_report(clip, clip.positions if joints is None else joints)
+    report = gimbal_report(clip, joints)
     # A capture filtered by `ingest` already has rotations.
     recorded = joints is not None or clip.rotations is not None
     found = None

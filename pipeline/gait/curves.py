@@ -47,9 +47,9 @@ def curve_statistics(rows: Array, joint: str | None = None) -> dict[str, Any] | 
 
     mean, sd: (101,) over the strides (sd None for a single one); strides: their number without outliers;
     range_deg: `summary` of the ranges of the strides. joint: of the normative curve to compare with, if any,
-    which adds norm_rms_deg: rms difference of the mean from the normative mean (the
-    gait variable score of Baker et al. 2009, Gait & Posture 30(3), 265-269), and norm_within_percent: share
-    of the cycle in which the mean lies within one normative standard deviation.
+    which adds norm_rms_deg: rms difference of the mean from the normative mean (the gait variable score of
+    Baker et al. 2009, Gait & Posture 30(3), 265-269), and norm_within_percent: share of the cycle in
+    which the mean lies within one normative standard deviation.
     """
     whole = np.degrees(rows[np.isfinite(rows).all(axis=1)])
     if not len(whole):

@@ -18,8 +18,8 @@ FLAT = (0.25, 0.5)
 def footprints(feet: FootEvents) -> tuple[Array, Array]:
     """Horizontal places (K, 2) in metres of the left and of the right ankle, one for each strike.
 
-    Where the pass ends before the foot lies flat, the ankle moves on from the strike as after the foot's other
-    strikes; NaN if the pass shows it flat after none.
+    Where the pass ends before the foot lies flat, the ankle moves on from the strike as after the foot's
+    other strikes; NaN if the pass shows it flat after none.
     """
     stance = _stance(feet)
     left, right = (_prints(feet.times, feet.ankles[:, k, :2], feet.strikes[k], stance) for k in (0, 1))

@@ -47,15 +47,20 @@ def flips(euler: Array, rotations: Array) -> NDArray[np.intp]:
     return np.flatnonzero((jump > JUMP) & (jump > 2.0 * turned)) + 1
 
 
-def gimbal_report(clip: Clip, rotations: Array) -> dict[str, Any]:
+def gimbal_report(clip: Clip, rotations: Array | None) -> dict[str, Any]:
     """The report as JSON values: every joint with rotation channels that are not all zero or missing.
 
-    rotations: (T, J, 4), those of clip.euler. Frames count from the clip's first; those without an angle are
-    ignored. A capture of positions has no channels and gives an empty list.
+    rotations: (T, J, 4), those of clip.euler; None of a capture without. Frames count from the clip's
+    first; those without an angle are ignored. A capture of positions has no channels and gives an empty list.
     """
     joints: list[dict[str, Any]] = []
     for joint, order in enumerate(clip.orders or ()):
-        if not order or clip.euler is None or not np.nan_to_num(clip.euler[:, joint]).any():
+        if (
+            not order
+            or clip.euler is None
+            or rotations is None
+            or not np.nan_to_num(clip.euler[:, joint]).any()
+        ):
             continue
         distance = distance_from_lock(clip.euler[:, joint, 1], order)
         if not np.isfinite(distance).any():

@@ -100,16 +100,16 @@ def _trunk(body: _Body, found: set[str]) -> Iterator[Rule]:
 
 
 def _limbs(body: _Body, found: set[str], side: str, sign: float) -> Iterator[Rule]:
-    tall = body.stature
+    stature = body.stature
     shoulder, elbow, wrist, hand = (f"{joint}_{side}" for joint in ("shoulder", "elbow", "wrist", "hand"))
-    out = sign * HALF_SHOULDERS * tall * body.left
+    out = sign * HALF_SHOULDERS * stature * body.left
     yield shoulder, (*_ENDS, *_HIPS), body["shoulder_center"] + out
     if wrist in found:
         yield elbow, (shoulder, wrist), 0.5 * (body[shoulder] + body[wrist])
     else:
-        yield elbow, (shoulder, *_ENDS), body[shoulder] - UPPER_ARM * tall * body.up
-    yield wrist, (elbow, *_ENDS), body[elbow] - FOREARM * tall * body.up
+        yield elbow, (shoulder, *_ENDS), body[shoulder] - UPPER_ARM * stature * body.up
+    yield wrist, (elbow, *_ENDS), body[elbow] - FOREARM * stature * body.up
     yield hand, (wrist, elbow), body[wrist] + HAND * unit(body[wrist] - body[elbow])
     foot, ankle, knee = (f"{joint}_{side}" for joint in ("foot", "ankle", "knee"))
     ahead = unit(perpendicular(np.cross(body.left, body.up), unit(body[ankle] - body[knee])))
-    yield foot, (ankle, knee, *_ENDS, *_HIPS), body[ankle] + FOOT * tall * ahead
+    yield foot, (ankle, knee, *_ENDS, *_HIPS), body[ankle] + FOOT * stature * ahead

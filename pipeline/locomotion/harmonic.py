@@ -128,14 +128,14 @@ def end_to_end(values: Array) -> Array:
     return np.asarray(values[-count:].mean(axis=0) - values[:count].mean(axis=0))
 
 
-def walking_direction(positions: Array) -> tuple[float, bool]:
-    """Heading in radians of (T, 20, 3) positions, and whether it comes from the path.
+def walking_direction(positions: Array) -> float:
+    """Heading in radians of (T, 20, 3) positions: along the path of the hips.
 
-    The path is that of the hips; if they stay within 0.5 m, the heading is where the hip line faces.
+    If they stay within 0.5 m, the heading is where the hip line faces.
     """
     middle = positions[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
     path = end_to_end(middle[np.isfinite(middle).all(axis=-1)])
     if np.hypot(*path) > 0.5:
-        return float(np.arctan2(path[1], path[0])), True
+        return float(np.arctan2(path[1], path[0]))
     left = np.nanmean(positions[:, N["hip_left"], :2] - positions[:, N["hip_right"], :2], axis=0)
-    return float(np.arctan2(-left[0], left[1])), False
+    return float(np.arctan2(-left[0], left[1]))

@@ -18,7 +18,7 @@ from kinemimic.pipeline.locomotion.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.strides import cut_strides
 from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES
 
-OTHER_PATH = "the body moves otherwise than its feet carry it"
+OTHER_PATH = "the body's path does not match its steps"
 
 
 def why_no_walk(times: Array, passes: NDArray[np.int32], positions: Array) -> str:

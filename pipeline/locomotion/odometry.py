@@ -164,7 +164,7 @@ class GroundPath:
 
     source: "recorded" where the recorded path agrees with the feet; "feet" where the body stays in place
     while the feet carry it, as on a treadmill, before a camera that turns with the walker, or without a root;
-    "neither" where the body moves otherwise than its feet carry it, as in steps to the side. disagreement:
+    "neither" where the body's path does not match its steps, as in steps to the side. disagreement:
     median distance per stride between both, over the length of the stride by the feet; velocity: (T, 2) m/s,
     the one that is used.
     """

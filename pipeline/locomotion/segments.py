@@ -1,6 +1,4 @@
-"""Segments of a capture, with names and times: walks, runs, turns, standing, other motion, recorded
-labels.
-"""
+"""Segments of a capture: walks, runs, turns, standing, other motion, recorded labels."""
 
 from __future__ import annotations
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
@@ -26,27 +24,14 @@ MIN_R2, MIN_KEPT, MIN_FRAMES = 0.85, 0.80, 8
 MIN_SEEN = 0.5  # share of visible frames in a window
 
 
-@dataclass(frozen=True)
-class StridePhase:
-    """The timing of individual strides.
-
-    phase: (T,) cycles, not wrapped, integer where the left ankle is farthest ahead (first harmonic); r2: of
-    that harmonic for the ankles' distance; period: median stride time, seconds.
-    """
-
-    phase: Array
-    r2: float
-    period: float
-
-
 def gait_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> Array | None:
     """The phase (T,) of `stride_phase`; of less than one and a half strides, that of one harmonic.
 
     None if the ankles do not show a gait.
     """
-    strides = stride_phase(times, ankles, steady=steady)
-    if strides is not None:
-        return strides.phase
+    phase = stride_phase(times, ankles, steady=steady)
+    if phase is not None:
+        return phase
     seen = np.isfinite(ankles)
     if seen.sum() < MIN_FRAMES:
         return None
@@ -56,8 +41,9 @@ def gait_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> Ar
     return harmonic.phase(times)
 
 
-def stride_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> StridePhase | None:
-    """Phase from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where not seen.
+def stride_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> Array | None:
+    """Phase (T,) from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where not seen: cycles,
+    not wrapped, integer where the left ankle is farthest ahead (first harmonic).
 
     steady: (T,) frames to which harmonics are fitted; while the person stands, there is none.
     Turning points count the strides; harmonics fitted to the strides around each moment refine the timing.
@@ -74,13 +60,7 @@ def stride_phase(times: Array, ankles: Array, *, steady: Mask | None = None) -> 
     phase = counted - _phase_error(counted, distance, seen & fitted)
     wave, distance = design(phase, 1)[fitted], distance[fitted]
     amplitudes = np.asarray(np.linalg.lstsq(wave, distance, rcond=None)[0], dtype=np.float64)
-    residual = distance - wave @ amplitudes
-    spread = float(np.sum((distance - distance.mean()) ** 2))
-    phase = phase - _minimum_phase(amplitudes)
-    whole = np.arange(np.ceil(phase[0]), phase[-1])
-    starts = np.interp(whole, phase, times)
-    period = float(np.median(np.diff(starts))) if len(starts) > 1 else float(np.ptp(times) / np.ptp(phase))
-    return StridePhase(phase, 1.0 - float(residual @ residual) / spread if spread > 0 else 0.0, period)
+    return np.asarray(phase - _minimum_phase(amplitudes))
 
 
 def _count_cycles(times: Array, distance: Array) -> Array | None:

@@ -50,8 +50,8 @@ class Stride:
     start, end: phase in cycles; times: seconds; period: seconds of a full stride; r2: of one harmonic of the
     ankles' distance; amplitude: metres; turn: radians by which the heading changes; walking: whether this is
     a stride of walking or running; transition: "half stride into standing" or "… out of standing", which is
-    no stride of walking, else ""; why: a stride as regular as in walking is none, else ""; used: whether the
-    left and the right leg are good enough for a loop; reason: why a leg is not, "" if both are.
+    no stride of walking, else ""; why: the reason why a regular stride is not walking, else ""; used:
+    whether the left and the right leg are good enough for a loop; reason: why a leg is not, "" if both are.
     """
 
     start: float
@@ -262,7 +262,7 @@ def _curves(strides: list[Stride], phase: Array, angles: Array) -> Array:
 
 
 def _drop_odd_legs(strides: list[Stride], curves: Array) -> list[Stride]:
-    """The strides without the legs of which an angle does not follow the median of all legs."""
+    """The strides, with every leg left out whose curves do not follow the median of all legs."""
     seen = np.array([stride.used for stride in strides])
     used = seen
     for _ in range(3):

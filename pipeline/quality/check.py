@@ -55,8 +55,8 @@ class CheckedCapture:
 
 # In the order in which they run.
 _BODY_RULES = (
-    calibration_frames.repair,
     wrong_units.repair,
+    calibration_frames.repair,
     wrong_up_axis.repair,
     mirrored_body.repair,
     assumed_rate.repair,

@@ -40,8 +40,8 @@ def corner_velocity(corners: Array, rate: float, cycle_offset: Array | None) -> 
 def at_lowest_corner(corners: Array, values: Array) -> Array:
     """Of values (T, 2, 4, K), those at each foot's lowest corner: (T, 2, K).
 
-    Corners within LEVEL of the lowest count by how near they are: otherwise, the last bit would decide
-    between two level corners.
+    Corners within LEVEL_TOLERANCE of the lowest count by how near they are: otherwise, the last bit would
+    decide between two level corners.
     """
     above = corners[..., 2] - corners[..., 2].min(axis=-1, keepdims=True)
     share = np.maximum(1.0 - above / LEVEL_TOLERANCE, 0.0)

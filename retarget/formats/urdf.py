@@ -102,8 +102,7 @@ def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
         the parent outwards, which rotate the child by Rx Ry Rz (intrinsic x, y, z); "floating" for viewers
         (rerun, Foxglove), which take the pose of every body from elsewhere.
     y_up: axes X left, Y up, Z forward. Bullet's stable PD builds its mass matrix from the collision shapes
-    and
-        assumes that every capsule lies along Y; with limbs along Z it is unstable.
+        and assumes that every capsule lies along Y; with limbs along Z it is unstable.
 
     A massless base carries the pelvis, because that controller accepts joints in this layout only.
     """

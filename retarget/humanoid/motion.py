@@ -25,8 +25,7 @@ class Motion:
     rate: frames per second, not necessarily an integer (a cycle is divided into equal steps)
     root: (T, 3) position of the hip centre, metres
     rotations: (T, 20, 4) child to parent, sign-continuous, the root's in the world; all identity in the
-    neutral
-        standing pose with hanging arms; end nodes (head, hands, feet) stay at the identity
+        neutral standing pose with hanging arms; end nodes (head, hands, feet) stay at the identity
     contacts: (T, 2) True where the left, right foot is flat and still, not wherever it touches the ground
     cyclic: whether frame T continues at frame 0, displaced by `cycle_offset` (3,) metres
     provenance: JSON values, as in Clip

@@ -37,7 +37,7 @@ class Excerpt:
 def excerpt_of_pass(clip: Clip, number: int) -> Excerpt:
     """A whole pass of a clip on the 20 nodes, whatever the person does."""
     frames = np.flatnonzero(clip.passes == number)
-    heading, _ = walking_direction(clip.positions[frames])
+    heading = walking_direction(clip.positions[frames])
     turn = np.tile(from_axis_angle("Z", -heading), (len(frames), 1))
     return Excerpt(number, frames, rotate(turn[:, None], clip.positions[frames]), turn, np.zeros(len(frames)))
 

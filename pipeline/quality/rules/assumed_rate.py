@@ -30,7 +30,7 @@ WALK_RATIO, WALK_RATIOS = 1.45, (0.8, 2.4)
 
 
 @dataclass(frozen=True)
-class Gait:
+class StrideEstimate:
     """stride: seconds; step, leg: metres; knees: 95th percentile of their bend, radians."""
 
     stride: float
@@ -63,7 +63,7 @@ class Gait:
         """Distance from the usual walk ratio, as a factor's logarithm."""
         return abs(float(np.log(self.walk_ratio / WALK_RATIO)))
 
-    def at(self, factor: float) -> Gait:
+    def at(self, factor: float) -> StrideEstimate:
         """The same poses with a clock that runs `factor` times as fast."""
         return replace(self, stride=self.stride / factor)
 
@@ -106,7 +106,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     return clip, [Defect("wrong_rate", count, "frames", "flagged", text)]
 
 
-def gait_of(clip: Clip) -> Gait | None:
+def gait_of(clip: Clip) -> StrideEstimate | None:
     """The gait from the distance between the ankles, along the line on which they part; None if that does
     not repeat.
 
@@ -125,4 +125,4 @@ def gait_of(clip: Clip) -> Gait | None:
     if period is None:
         return None
     step = 0.5 * float(np.ptp(np.percentile(wave, [5.0, 95.0])))
-    return Gait(period * float(even[1] - even[0]), step, leg, usual_bend(points))
+    return StrideEstimate(period * float(even[1] - even[0]), step, leg, usual_bend(points))

@@ -10,7 +10,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.kinematics.joint_names import HOW_TO_NAME, joints_by_name, listed
+from kinemimic.pipeline.kinematics.joint_names import HOW_TO_NAME, REQUIRED, joints_by_name, listed
 from kinemimic.pipeline.kinematics.nodes import ancestors
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -80,8 +80,7 @@ def infer_unit(
     if named is not None:
         return Unit(UNITS[named], named, SET_BY_USER, [])
     found = joints_by_name(names)
-    wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
-    missing = [node for node in wanted if node not in found]
+    missing = [node for node in REQUIRED if node not in found]
     if missing:
         raise CaptureError(
             path,

@@ -83,8 +83,8 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
     if not wrong:
         return []
     text = (
-        f"impossible limb lengths: {intro}{', '.join(wrong)}: no body has them, so the sensor tracked something else "
-        "(furniture, a treadmill), or columns or joint names are mixed up"
+        f"impossible limb lengths: {intro}{', '.join(wrong)}: no body has them, so the sensor tracked "
+        "something else (furniture, a treadmill), or columns or joint names are mixed up"
     )
     return [Defect("impossible_limbs", len(wrong), "measures", "refused", text)]
 

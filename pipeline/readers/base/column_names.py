@@ -15,7 +15,12 @@ def index_of_columns(names: Sequence[str], source: Source, line: int) -> dict[st
     index = {name: column for column, name in enumerate(names)}
     if len(index) != len(names):
         twice = next(name for column, name in enumerate(names) if index[name] != column)
-        raise source.error(expected="column names once each", found=f"{twice[:40]!r} twice", line=line)
+        raise source.error(
+            expected="column names once each",
+            found=f"{twice[:40]!r} twice",
+            line=line,
+            advice="rename or delete one of the two columns",
+        )
     return index
 
 

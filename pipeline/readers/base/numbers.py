@@ -264,11 +264,14 @@ def _raise_first_mistake(
         )
         joined_advice = "two files seem to be joined there: split them" if header else None
         if len(fields) != width:
+            cut_off = k == last and len(fields) < width
             raise source.error(
                 expected=f"{width} numbers",
                 found=f"{len(fields)}",
                 line=start + k + 1,
-                advice="the file is cut off there" if k == last and len(fields) < width else joined_advice,
+                advice="the file is cut off there"
+                if cut_off
+                else joined_advice or "mend or delete that line",
             )
         for field in fields[label_columns:]:
             if to_number(field) is None:

@@ -56,6 +56,6 @@ WORLD_FROM_CAMERA: NDArray[np.float64] = from_matrix(
 
 
 def azure_skeleton() -> Skeleton:
-    """The 32 joints of JOINTS; rest offsets are unknown (zeros)."""
+    """The 32 joints of AZURE_JOINTS; rest offsets are unknown (zeros)."""
     parents = tuple(AZURE_JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
     return Skeleton(AZURE_JOINTS, parents, np.zeros((len(AZURE_JOINTS), 3)))

@@ -116,7 +116,7 @@ def _where(frame: int) -> str:
 
 
 def _order(names: Any, source: Source) -> list[int]:
-    """The index in the file of each of JOINTS."""
+    """The index in the file of each of AZURE_JOINTS."""
     names_in_file = names if isinstance(names, list) else []
     found = [OLD_NAMES.get(name, name) for name in names_in_file if isinstance(name, str)]
     if sorted(found) != sorted(AZURE_JOINTS):

@@ -47,7 +47,7 @@ FROM_SDK: tuple[int, ...] = tuple(SDK_JOINTS.index(name) for name in KINECT_V2_J
 
 
 def kinect_v2_skeleton() -> Skeleton:
-    """The 25 joints of JOINTS; rest offsets are unknown (zeros)."""
+    """The 25 joints of KINECT_V2_JOINTS; rest offsets are unknown (zeros)."""
     parents = tuple(
         KINECT_V2_JOINTS.index(parent) if (parent := SDK_PARENTS[SDK_JOINTS.index(name)]) else -1
         for name in KINECT_V2_JOINTS

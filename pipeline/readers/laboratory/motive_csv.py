@@ -13,7 +13,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
@@ -177,8 +177,7 @@ def _places(rows: dict[str, list[str]], axes: list[str]) -> tuple[dict[str, list
         group: {name: columns for name, columns in places.items() if len(columns) == 3}
         for group, places in found.items()
     }
-    legs = {f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in ("left", "right")}
-    if legs <= joints_by_name(tuple(whole[_BONE])).keys():
+    if set(REQUIRED) <= joints_by_name(tuple(whole[_BONE])).keys():
         return whole[_BONE], _BONE
     return (whole[_MARKER[0]], _MARKER[0]) if whole[_MARKER[0]] else (whole[_BONE], _BONE)
 

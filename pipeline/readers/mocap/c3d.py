@@ -101,7 +101,10 @@ def read(source: Source) -> Clip:
         )
     if not 0.0 < rate <= _MAX_RATE:
         raise source.error(expected="a rate in Hz in POINT:RATE", found=f"{rate:g}")
-    notes = [] if up in _UP else ["the file does not state which axis is up: read as Z"]
+    notes = []
+    if up not in _UP:
+        stated = f"the file states {up[:8]} as up, which is not supported" if up else "the file states no up"
+        notes.append(f"{stated}: read as Z")
     return clip_of_markers(
         selected_labels,
         np.arange(len(points)) / rate,

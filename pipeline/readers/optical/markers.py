@@ -10,6 +10,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH, TRUNK, stature
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX, NODES, TRACKED
 from kinemimic.pipeline.kinematics.vectors import median, unit
@@ -31,7 +32,6 @@ from kinemimic.pipeline.readers.optical.marker_names import SIDES, joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import SUFFIX, MarkerSet, marker_set
 from kinemimic.pipeline.readers.optical.rigid_segments import fill_rigid
 
-_LEGS = tuple(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle"))
 # Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre is below the acromion by
 # this share of the distance between the acromia.
 _BELOW_ACROMION = 0.17
@@ -77,7 +77,7 @@ def clip_of_markers(
     named = joint_centres(markers.labels)
     notes: list[str] = []
     centres: dict[str, Array] = {}
-    if named.keys() >= set(_LEGS):
+    if named.keys() >= set(REQUIRED):
         notes.append("points named like joints are taken as their centres")
         centres = {node: markers.points[:, point] for node, point in named.items()}
     if unseen := _never_seen(markers, labels):
@@ -112,7 +112,7 @@ def require_legs(labels: tuple[str, ...], points: Array, source: Source) -> None
 
 def _require_legs(markers: _Markers, labels: tuple[str, ...], source: Source) -> None:
     missing = [*_missing_of_pelvis(markers), *_missing_of_legs(markers)]
-    if not missing or joint_centres(markers.labels).keys() >= set(_LEGS):
+    if not missing or joint_centres(markers.labels).keys() >= set(REQUIRED):
         return
     unseen = ", ".join(_never_seen(markers, labels))[:100]
     never = f" ({unseen} never seen)" if unseen else ""
@@ -325,6 +325,6 @@ def _assumed_shoulders(frame: Pelvis, centres: Mapping[str, Array], notes: list[
 def _stature(legs: Mapping[str, Array]) -> float:
     """Stature in metres by the lengths of the legs' bones."""
     body = np.full((len(legs["hip_left"]), len(NODES), 3), np.nan)
-    for node in _LEGS:
+    for node in REQUIRED:
         body[:, NODE_INDEX[node]] = legs[node]
     return stature(body)

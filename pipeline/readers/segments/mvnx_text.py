@@ -77,7 +77,6 @@ class _Handlers:
         self.frame: Frame | None = None
         self.words: list[str] | None = None
         self.joint = ["", "", ""]
-        self.in_segments = False
 
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
         # A namespace's prefix, which some writers use, says nothing here.

@@ -123,14 +123,16 @@ def states_of(observed: Observed, body: FittedBody) -> States:
 
 
 def _reading(track: LandmarkTrack, body: FittedBody, options: VideoOptions) -> dict[str, Any]:
-    camera, tall = body.scene.camera, body.height
+    camera, stature = body.scene.camera, body.height
     view = float(np.degrees(2.0 * np.arctan(max(track.size) / 2.0 / camera.focal)))
     notes = [
         f"camera {camera.height:.2f} m above the floor, looking {abs(np.degrees(camera.pitch)):.1f} degrees "
         f"{'down' if camera.pitch >= 0.0 else 'up'}, {view:.0f} degrees wide along the longer side"
     ]
     if options.height is None:
-        notes.append(f"the person is assumed to be {tall:.2f} m tall: --height scales all lengths and speeds")
+        notes.append(
+            f"the person is assumed to be {stature:.2f} m tall: --height scales all lengths and speeds"
+        )
     if options.fov is None:
         notes.append("the field of view is assumed, as of a phone's main camera: --fov sets it")
     if track.people > 1:
@@ -153,6 +155,6 @@ def _reading(track: LandmarkTrack, body: FittedBody, options: VideoOptions) -> d
             "roll_rad": round(camera.roll, 6),
         },
         lengths={name: round(float(f), 4) for name, f in zip(LENGTH_NAMES, body.scene.factors, strict=True)},
-        person_height_m=tall,
+        person_height_m=stature,
         fit_steps=body.steps,
     )

@@ -10,7 +10,7 @@ from samples import source_of, treadmill
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import check_capture
-from kinemimic.pipeline.quality.rules.assumed_rate import WALK_RATIO, Gait, gait_of
+from kinemimic.pipeline.quality.rules.assumed_rate import WALK_RATIO, StrideEstimate, gait_of
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.frame_rate import at_rate
 from kinemimic.pipeline.readers.recognise import read, read_source
@@ -73,24 +73,24 @@ def test_a_rate_that_a_kinect_delivers_is_taken_as_declared() -> None:
 @pytest.mark.parametrize(
     ("gait", "human"),
     [
-        (Gait(1.1, 0.62, 0.86, np.radians(60)), True),  # an adult's walk
-        (Gait(0.85, 0.80, 0.90, np.radians(62)), True),  # a brisk one
-        (Gait(2.1, 0.48, 0.85, np.radians(50)), True),  # a patient's
-        (Gait(0.75, 0.36, 0.50, np.radians(60)), True),  # a child's
-        (Gait(0.70, 1.00, 0.90, np.radians(105)), True),  # a run
-        (Gait(0.72, 0.57, 0.87, np.radians(41)), False),  # 167 steps a minute on a walker's knees
-        (Gait(0.64, 0.60, 0.85, np.radians(55)), False),
-        (Gait(3.0, 0.60, 0.85, np.radians(55)), False),
+        (StrideEstimate(1.1, 0.62, 0.86, np.radians(60)), True),  # an adult's walk
+        (StrideEstimate(0.85, 0.80, 0.90, np.radians(62)), True),  # a brisk one
+        (StrideEstimate(2.1, 0.48, 0.85, np.radians(50)), True),  # a patient's
+        (StrideEstimate(0.75, 0.36, 0.50, np.radians(60)), True),  # a child's
+        (StrideEstimate(0.70, 1.00, 0.90, np.radians(105)), True),  # a run
+        (StrideEstimate(0.72, 0.57, 0.87, np.radians(41)), False),  # 167 steps a minute on a walker's knees
+        (StrideEstimate(0.64, 0.60, 0.85, np.radians(55)), False),
+        (StrideEstimate(3.0, 0.60, 0.85, np.radians(55)), False),
     ],
 )
-def test_what_a_human_gait_is(gait: Gait, human: bool) -> None:
+def test_what_a_human_gait_is(gait: StrideEstimate, human: bool) -> None:
     assert gait.human is human
 
 
 def test_the_usual_walk_ratio() -> None:
     """0.0064 m per step/min on a leg of 0.88 m, at any cadence."""
     for cadence in (80.0, 120.0):
-        gait = Gait(120.0 / cadence, 0.0064 * cadence, 0.88, 1.0)
+        gait = StrideEstimate(120.0 / cadence, 0.0064 * cadence, 0.88, 1.0)
         assert gait.walk_ratio == pytest.approx(WALK_RATIO, abs=0.01)
 
 

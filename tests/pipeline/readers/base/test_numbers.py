@@ -82,7 +82,7 @@ def test_non_finite_numbers_pass(way: str) -> None:
     ("text", "complaint"),
     [
         ("1 2\n3 4\n5\n", "line 3: expected 2 numbers, found 1; the file is cut off there"),
-        ("1 2\n3 4 5\n5 6\n", "line 2: expected 2 numbers, found 3$"),
+        ("1 2\n3 4 5\n5 6\n", "line 2: expected 2 numbers, found 3; mend or delete that line$"),
         ("1 2\n\n3 x4\n", "line 3: expected a number, found 'x4'"),
         ("1 2\n3 1_000\n", "line 2: expected a number, found '1_000'"),
         ("1 2\n3 0x10\n", "line 2: expected a number, found '0x10'"),

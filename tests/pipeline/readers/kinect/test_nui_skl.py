@@ -270,7 +270,10 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
         ),
         (lambda t: t.replace("\n99\t", "\nx99\t"), "line 5: expected a number, found 'x99'"),
         (lambda t: t.replace("\n99\t", "\nnan\t"), "line 5: expected a timestamp"),
-        (lambda t: t.replace("\n99\t", "\n99\t7\t"), "line 5: expected 86 numbers, found 87$"),
+        (
+            lambda t: t.replace("\n99\t", "\n99\t7\t"),
+            "line 5: expected 86 numbers, found 87; mend or delete that line$",
+        ),
         (lambda t: t[:-60], "line 41: expected 86 numbers, found 79; the file is cut off there"),
         (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
         (

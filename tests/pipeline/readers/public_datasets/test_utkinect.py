@@ -100,7 +100,10 @@ def test_a_second_recording_after_the_first_is_reported() -> None:
             lambda t: t.replace("\n194   ", "\n194   700"),
             "line 2: expected at most 100 m in X of hip_center",
         ),
-        (lambda t: t.replace("\n194 ", "\n194 x "), "line 2: expected 61 numbers, found 62$"),
+        (
+            lambda t: t.replace("\n194 ", "\n194 x "),
+            "line 2: expected 61 numbers, found 62; mend or delete that line$",
+        ),
         (lambda t: t.replace("\n194   ", "\n194   x"), "line 2: expected a number, found 'x"),
     ],
 )
