@@ -8,14 +8,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.kinematics.spans import all_finite
 
 RATE = 60.0  # Hz
-LEGS: tuple[str, ...] = tuple(
-    f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
-)
 MIN_FRAMES = 8
 MIN_DURATION = 0.5  # s
 
@@ -37,7 +35,7 @@ class EvenPass:
 def even_pass(times: Array, positions: Array) -> EvenPass | None:
     """The pass at times (T,) with positions (T, 20, 3); None if it is too short or never shows both legs."""
     finite = all_finite(positions)
-    legs = finite[:, [N[name] for name in LEGS]]
+    legs = finite[:, [N[name] for name in REQUIRED]]
     if len(times) < 2 or times[-1] - times[0] < MIN_DURATION or (legs.sum(axis=0) < MIN_FRAMES).any():
         return None
     clock = np.arange(times[0], times[-1] + 0.5 / RATE, 1.0 / RATE)
