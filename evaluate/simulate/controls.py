@@ -268,7 +268,7 @@ class Controls:
         """Numbers and curves; a few times a second."""
         self.status.content = state
         _label(self._pause, "Resume" if f": {PAUSED}," in state else "Pause")
-        _label(self._recorder, "Stop recording" if state.startswith(RECORDING) else "Record")
+        _label(self._recorder, "Stop recording" if RECORDING in state else "Record")
         rows = np.array(self._rows)
         if len(rows) > 1:
             for k, plot in enumerate(self._plots.values()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -137,8 +137,7 @@ class Loop:
         """A beat without a control step; asked: whether there were inputs."""
         self._idle += 1
         if self._altered:
-            shown = None if self._frame is None else self._frame.shown
-            self._frame = replace(self.session.look(), shown=shown)
+            self._frame = self.session.look()
             self._altered = False
             self._page.draw(self._frame)
         if self._frame is not None and (asked or self._idle % CONTROL_RATE == 0):

@@ -15,7 +15,7 @@ import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import trial_start
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Score
+from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView, Score
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
     Clear,
@@ -162,6 +162,11 @@ class Session:
         batch.world.place(0, self._obstacles)
         self._observation = batch.observe()
 
+    @property
+    def shown(self) -> LiveView | None:
+        """What a live capture shows, None without one."""
+        return None
+
     def words(self) -> list[str]:
         """What else is to be said of the session, in lines."""
         return []
@@ -283,6 +288,7 @@ class Session:
             wanted=expected,
             terms=dict(zip(batch.reward.weights, batch.terms()[0].tolist(), strict=True)),
             fallen=self._fallen_for > 0,
+            shown=self.shown,
         )
 
     def present(self) -> list[Obstacle]:
