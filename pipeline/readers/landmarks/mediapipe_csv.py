@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.clock import clock_column
@@ -185,7 +185,7 @@ def _long(names: list[str], line: int, source: Source) -> _Content:
     table = parse_sparse_table(source, start=line, width=width, separator=separator)
     rows = table.values[:, mark:].reshape(len(table.values), -1, size)
     numbers = rows[..., 0]
-    nobody = np.isnan(numbers).all(axis=1)
+    nobody: Mask = np.asarray(np.isnan(numbers).all(axis=1))
     wrong = ~np.isin(numbers, np.arange(len(LANDMARKS))) & ~nobody[:, None]
     if wrong.any():
         row, place = (int(k) for k in np.argwhere(wrong)[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -153,3 +154,11 @@ def test_labels_of_the_rizzoli_institute() -> None:
 def test_mistakes_are_named(head: str, markers: dict[str, object] | None, says: str, tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match=says):
         recognise.read(put(tmp_path, head, markers))
+
+
+@pytest.mark.parametrize("name", ["walk", "walk.trc.gz"])
+def test_of_a_capture_without_an_ending_and_of_a_packed_one(tmp_path: Path, name: str) -> None:
+    content = put(tmp_path).read_bytes()
+    (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith(".gz") else content)
+    clip = recognise.read(tmp_path / name)
+    assert list(clip.provenance["sidecar_files"]) == ["walk.markers.toml"]
