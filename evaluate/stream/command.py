@@ -146,7 +146,7 @@ def command(
             # A replay that nobody looks at need not take its time.
             clock=None if page is None and replay is not None else Clock(CONTROL_RATE),
             policy=policy,
-            steps=None if seconds is None else round(seconds * CONTROL_RATE),
+            seconds=seconds,
             record=not with_page if record is None else record,
         )
     finally:

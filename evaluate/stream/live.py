@@ -38,10 +38,10 @@ def stream(
     viewers: Viewers | None = None,
     clock: Clock | None = None,
     policy: str = "",
-    steps: int | None = None,
+    seconds: float | None = None,
     record: bool = True,
 ) -> dict[str, Any]:
-    """Follow a source until it ends, for `steps` control steps, or until Ctrl-C; returns the summary.
+    """Follow a source until it ends, for `seconds`, or until Ctrl-C; returns the summary.
 
     run: folder with the policy, below which sessions are recorded. page: None for nobody; viewers: how many
     look at the page; with it, a file waits for the first of them and can be played again. clock: None to go
@@ -49,6 +49,8 @@ def stream(
     kept.
     """
     settings = settings or LiveSettings()
+    # Without a clock, the time is that of the simulation.
+    steps = None if seconds is None or clock is not None else round(seconds * CONTROL_RATE)
     watched = Watched(page or NoPage(), source)
     clock = clock or Clock(CONTROL_RATE, sleep=lambda _: None)
 
@@ -77,7 +79,7 @@ def stream(
     try:
         # A page shows that it is alive.
         with heartbeat(watched.words if page is None else lambda: ""):
-            loop.run(steps, over, tail)
+            loop.run(steps, over, tail, seconds=seconds if steps is None else None)
     except KeyboardInterrupt:
         pass
     finally:

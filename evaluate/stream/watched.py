@@ -48,11 +48,12 @@ class Watched:
         self.reading: Reading | None = None
         self.notice = ""
         self._before: Counter[str] = Counter()
+        self._counted = 0  # the last control step of the session that was counted
 
     def begin(self, session: LiveSession) -> None:
         """Another session begins; of the one before, only numbers are kept."""
         self._before, self.reading = self.counts(), self.known_reading()
-        self.session = session
+        self.session, self._counted = session, 0
 
     def counts(self) -> Counter[str]:
         """What was counted in all sessions."""
@@ -84,14 +85,19 @@ class Watched:
         return f"{plural(counts['frames'], 'frame')}, {refused} refused{_in_brackets(self.fault())}{behind}"
 
     def draw(self, frame: Frame) -> None:
-        """Count a frame and show it."""
+        """Count a frame and show it; a paused page draws one again."""
+        if frame.step > self._counted:
+            self._counted = frame.step
+            self._count(frame)
+        self._page.draw(frame)
+
+    def _count(self, frame: Frame) -> None:
         self.steps += 1
         if frame.shown is not None and frame.shown.presence >= 1.0 and not frame.shown.starved:
             self.followed += 1
             self.upright += not frame.fallen
             if len(self.latencies) < _KEPT:
                 self.latencies.append(frame.shown.latency)
-        self._page.draw(frame)
 
     def show(self, frame: Frame, state: str) -> None:
         """Show numbers."""

@@ -54,3 +54,20 @@ def test_page_and_terminal_say_why_frames_are_refused() -> None:
     watched.notice = "the end"
     watched.show(None, "upright")  # type: ignore[arg-type]
     assert page.words.startswith("the end\n\nupright")
+
+
+def test_a_picture_that_a_paused_page_draws_again_is_no_control_step() -> None:
+    def frame(step: int) -> Any:
+        return SimpleNamespace(
+            step=step, fallen=False, shown=SimpleNamespace(presence=1.0, starved=False, latency=0.5)
+        )
+
+    watched = Watched(NoPage(), SimpleNamespace(faults=Faults()))  # type: ignore[arg-type]
+    watched.begin(session(3))
+    for step in (0, 1, 2, 2, 2, 3):
+        watched.draw(frame(step))
+    assert (watched.steps, watched.followed, len(watched.latencies)) == (3, 3, 3)
+    watched.begin(session(2))  # a recording begins: steps are counted from 0 again
+    for step in (0, 1, 2):
+        watched.draw(frame(step))
+    assert watched.steps == 5
