@@ -82,7 +82,7 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
 def test_a_recording_that_begins_and_ends_on_the_page_is_in_the_summary(run: Path) -> None:
     page = NoPage()
     page.waiting.put(("record", ()))
-    options = {"engine": "pybullet" if _only_pybullet() else "native", "record": False, "steps": 3}
+    options = {"engine": "pybullet" if _only_pybullet() else "native", "record": False, "seconds": 0.1}
     found = stream(Sender(WALK), run, page=page, **options)
     assert (Path(found["recording"]) / SESSION).is_file()
     page.waiting.put(("record", ()))
