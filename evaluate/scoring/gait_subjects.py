@@ -28,6 +28,7 @@ from kinemimic.pipeline.kinematics.nodes import derived_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles, node_kinematics
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -83,6 +84,8 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
     reliable = _read_reliability(run / "gait.json")
     gait = measure_gait(clip.times, clip.passes, clip.positions)
     notes = ["simulated capture (virtual Kinect)"] if source.simulated else []
+    if gait.backward:
+        notes.append(f"{plural(gait.backward, 'bout')} of walking backward left out")
     pelvis = None
     if not reliable.pelvis:
         pelvis = _neutral_pelvis(clip, gait, reliable.pelvis_pitch)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.sidecars import note_path, truth_path
+from kinemimic.pipeline.files.sidecars import note_path, stem_of, truth_path
 from kinemimic.pipeline.files.stages import STAGES
 from kinemimic.pipeline.run_folder.record import digest, read_run_record
 
@@ -66,7 +66,7 @@ def default_run(capture: Path | None) -> Path:
     if capture is None:
         return DEFAULT_RUN
     capture = capture.resolve()
-    return RUNS / (capture.name if capture.is_dir() else capture.stem)
+    return RUNS / (capture.name if capture.is_dir() else stem_of(capture))
 
 
 def only_run() -> Path:

@@ -67,6 +67,7 @@ def test_results_of_an_unknown_capture_need_overwrite(walk: Path, tmp_path: Path
 def test_the_folder_is_named_after_the_capture(tmp_path: Path) -> None:
     assert default_run(None) == Path("runs/default")
     assert default_run(Path("a/b/walk.02.bvh")) == Path("runs/walk.02")
+    assert default_run(Path("a/b/walk.skl.gz")) == Path("runs/walk")
     (tmp_path / "recording.1").mkdir()
     assert default_run(tmp_path / "recording.1") == Path("runs/recording.1")
 
