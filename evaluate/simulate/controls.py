@@ -35,7 +35,9 @@ CURVES = {"knee": "knee_left", "hip": "hip_left"}
 @dataclass(frozen=True)
 class Choices:
     """What the page offers, by name; policy, motion: what is performed first; trackers: the policies that
-    perform every motion. Another one performs its own, of its name."""
+    perform every motion. Another one performs its own, of its name. phases: whether the motion can begin at
+    any phase; slower: whether time can be slowed, which a live capture's cannot. What cannot be chosen has no
+    controls."""
 
     policies: Sequence[str]
     motions: Sequence[str]
@@ -43,6 +45,13 @@ class Choices:
     policy: str
     motion: str
     trackers: Sequence[str] = ()
+    phases: bool = True
+    slower: bool = True
+
+    @property
+    def others(self) -> bool:
+        """Whether another policy, motion or speed of the motion can be chosen."""
+        return len(self.policies) > 1 or len(self.motions) > 1 or self.policy in self.trackers
 
 
 @dataclass(frozen=True)
@@ -137,34 +146,42 @@ class Controls:
         self._clicks(
             gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT), lambda _: act.send(("step", ()))
         )
-        speed = gui.add_slider("Playback speed", 0.1, 1.0, 0.05, 1.0, hint="1 is real time")
-        self._held(speed, lambda: ("speed", (float(speed.value),)))
-        phase = self._held(gui.add_slider("Start phase", 0.0, 1.0, 0.01, 0.0))
-        self._button("Restart", lambda: Restart(float(phase.value)), "Put the humanoid onto its reference")
+        if choices.slower:
+            speed = gui.add_slider("Playback speed", 0.1, 1.0, 0.05, 1.0, hint="1 is real time")
+            self._held(speed, lambda: ("speed", (float(speed.value),)))
+        phase = self._held(gui.add_slider("Start phase", 0.0, 1.0, 0.01, 0.0)) if choices.phases else None
+        self._button(
+            "Restart",
+            lambda: Restart(0.0 if phase is None else float(phase.value)),
+            "Put the humanoid onto its reference",
+        )
         self.follow = self._held(gui.add_checkbox("Camera follows", initial_value=True), lambda: ("look", ()))
         self.ghost = self._held(gui.add_checkbox("Show reference", initial_value=True), lambda: ("look", ()))
-        self._policy = self._held(
-            gui.add_dropdown("Policy", tuple(choices.policies), initial_value=choices.policy)
+        if choices.others:
+            self._choose(choices)
+        self._recorder = self._clicks(
+            gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red"),
+            lambda _: act.send(("record", ())),
         )
-        self._motion: Any = self._held(
+
+    def _choose(self, choices: Choices) -> None:
+        gui, act = self._server.gui, self._act
+        chosen = self._held(gui.add_dropdown("Policy", tuple(choices.policies), initial_value=choices.policy))
+        performed: Any = self._held(
             gui.add_dropdown("Motion", tuple(choices.motions), initial_value=choices.motion,
                              hint="Only a tracker performs every motion")
         )  # fmt: skip
         pace = self._held(gui.add_slider("Speed of the motion", 0.7, 1.3, 0.05, 1.0, hint="For trackers"))
 
         def choose(event: Event) -> None:
-            policy, motion = str(self._policy.value), str(self._motion.value)
+            policy, motion = str(chosen.value), str(performed.value)
             own = policy in choices.motions and policy not in choices.trackers
             if own and motion != policy and event.client_id is not None:
                 self._act.say(event.client_id, f"{policy} performs only its own motion")
-                self._motion.value = motion = policy
+                performed.value = motion = policy
             act.send(("choose", (policy, motion, float(pace.value))))
 
         self._clicks(gui.add_button("Change policy and motion"), choose)
-        self._recorder = self._clicks(
-            gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red"),
-            lambda _: act.send(("record", ())),
-        )
 
     def _push(self) -> None:
         gui = self._server.gui
@@ -225,6 +242,8 @@ class Controls:
         friction = self._held(gui.add_slider("Friction", 0.05, 1.0, 0.05, 0.9))
         slope = self._held(gui.add_slider("Slope, degrees", -10.0, 10.0, 0.5, 0.0))
         self._button("Apply", lambda: Ground(float(friction.value), float(np.radians(slope.value))))
+        if not choices.scenarios:
+            return
         scenario = self._held(gui.add_dropdown("Scenario", (NO_SCENARIO, *choices.scenarios)))
         trial = self._held(gui.add_number("Trial", 0, min=0, max=9999, step=1))
         self._button(

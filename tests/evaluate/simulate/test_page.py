@@ -217,3 +217,19 @@ def test_the_next_free_port_is_taken_and_the_last_one_ends_the_search() -> None:
             last.listen()
         with pytest.raises(KinemimicError, match=r"expected a free port of 127.0.0.1 from 65535 on"):
             free_port(65_535)
+
+
+def test_what_a_live_capture_does_not_let_choose_has_no_controls() -> None:
+    live = Page(
+        18_191, "token", Choices(("mine",), ("live",), (), "mine", "live", phases=False, slower=False)
+    )
+    try:
+        labels = inputs(live).keys()
+        assert {"Pause", "Restart", "Record", "Camera follows", "Friction"} <= labels
+        assert not labels & {
+            "Policy", "Motion", "Speed of the motion", "Change policy and motion", "Start phase", "Scenario",
+            "Trial", "Start the scenario", "Playback speed",
+        }  # fmt: skip
+        tell(live, HOLDER, "Pause")
+    finally:
+        live.close()
