@@ -18,12 +18,12 @@ def below(prefix: str, arrays: Mapping[str, _T]) -> dict[str, _T]:
 
 
 def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: Mapping[str, Tensor]) -> None:
-    """Load the state of an optimizer with one group of weights: tensors by "number of the weight.name".
+    """Load the state of an optimizer: tensors by "number of the weight.name", counted over its groups.
 
     ValueError for a tensor of another shape than its weight: torch does not check it, and would fail in the
     next round.
     """
-    weights = optimizer.param_groups[0]["params"]
+    weights = [weight for group in optimizer.param_groups for weight in group["params"]]
     slots: dict[int, dict[str, Tensor]] = {}
     for name, value in tensors.items():
         index, slot = name.split(".")

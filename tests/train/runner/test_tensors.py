@@ -10,7 +10,8 @@ from kinemimic.train.runner.tensors import below, restore_optimizer
 
 def stepped() -> torch.optim.Optimizer:
     weights = [torch.nn.Parameter(torch.ones(3, 2)), torch.nn.Parameter(torch.ones(3))]
-    optimizer = torch.optim.Adam(weights, lr=0.1)
+    groups = [{"params": weights[:1], "lr": 0.1}, {"params": weights[1:], "lr": 0.2}]
+    optimizer = torch.optim.Adam(groups)
     for weight in weights:
         weight.grad = torch.full_like(weight, 0.5)
     optimizer.step()

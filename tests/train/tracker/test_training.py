@@ -188,7 +188,7 @@ def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, q
     assert (first["samples"], begun["samples"]) == (ROUND, 2 * ROUND)
     assert begun["config"]["start"]
     wide = replace(CONFIG, hidden=(32, 8))
-    with pytest.raises(KinemimicError, match="with these networks and preview, found another"):
+    with pytest.raises(KinemimicError, match=r"with layers of \(32, 8\) and a preview"):
         train_tracker(library, tmp_path / "third", config=wide, start=str(tmp_path / "first"))
 
 

@@ -54,7 +54,10 @@ def test_half_confidence_is_the_border_and_zeros_are_missing() -> None:
             lambda n: n.pop(70),
             "line 159: expected 20 lines per frame, found 19 in the last one; the file is cut",
         ),
-        (lambda n: n.__setitem__(70, "1 2 3"), "line 71: expected 4 numbers, found 3$"),
+        (
+            lambda n: n.__setitem__(70, "1 2 3"),
+            "line 71: expected 4 numbers, found 3; mend or delete that line$",
+        ),
         (lambda n: n.__setitem__(70, "1 2 3 1.5"), "line 71: expected a confidence from 0 to 1, found 1.5"),
         (lambda n: n.__setitem__(70, "1 2 30 1"), "line 71: expected metres, at most 20, in the wrist_right"),
         (lambda n: n.__setitem__(70, "1 2 x 1"), "line 71: expected a number, found 'x'"),
