@@ -100,13 +100,22 @@ def root_path(trajectory: Trajectory) -> dict[str, Any]:
     return {**paths[0], "phases": spreads}
 
 
+def advance_along(went: Array, steps: Array) -> float | None:
+    """Metres that a displacement (2,) goes along the reference's line, from its steps (T, 2) in metres; None
+    if the reference stands or returns."""
+    way = steps.sum(axis=0)
+    distance, length = float(np.linalg.norm(way)), float(np.linalg.norm(steps, axis=-1).sum())
+    if distance <= max(_STANDING, _STRAIGHT * length):
+        return None
+    return float(went @ way / distance)
+
+
 def _path(path: Array, reference: Array) -> dict[str, float | None]:
     gap = np.linalg.norm(path - reference, axis=-1)
-    way = reference[-1] - reference[0]
-    distance = float(np.linalg.norm(way))
-    length = float(np.linalg.norm(np.diff(reference, axis=0), axis=-1).sum())
-    moves = distance > max(_STANDING, _STRAIGHT * length)
-    advance = float((path[-1] - path[0]) @ way / distance) if moves else None
+    steps = np.diff(reference, axis=0)
+    distance = float(np.linalg.norm(reference[-1] - reference[0]))
+    length = float(np.linalg.norm(steps, axis=-1).sum())
+    advance = advance_along(path[-1] - path[0], steps)
     return {
         "path_error_m": float(gap[-1]),
         "path_rms_m": float(np.sqrt(np.mean(gap**2))),

@@ -185,6 +185,10 @@ class Page:
         for client in self._server.get_clients().values():
             client.add_notification("kinemimic", str(error)[:500], auto_close_seconds=6.0)
 
+    def viewers(self) -> int:
+        """How many browsers are connected."""
+        return len(self._server.get_clients())
+
     def close(self) -> None:
         """End the server."""
         with redirect_stdout(io.StringIO()):

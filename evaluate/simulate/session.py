@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import trial_start
+from kinemimic.evaluate.scoring.scores import advance_along
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView, Score
 from kinemimic.evaluate.simulate.inputs import (
@@ -52,8 +53,6 @@ WINDOW = 10 * CONTROL_RATE  # control steps of the score
 MIN_SCORED = CONTROL_RATE
 LYING = 2 * CONTROL_RATE  # control steps on the ground before an automatic restart
 MAX_OBSTACLES = 20
-# As of evaluate/scoring: a reference that goes less far, m or share of its path, stands or returns.
-STANDING, STRAIGHT = 0.1, 0.5
 
 
 class Session:
@@ -331,11 +330,8 @@ def _speed_ratio(ways: Array) -> float:
     """How far the humanoid went along its reference's way, as a share of that way, from steps (N, 2, 2) of
     humanoid and reference, m; NaN where the reference stands or returns."""
     went, wanted = ways.sum(axis=0)
-    distance = float(np.linalg.norm(wanted))
-    length = float(np.linalg.norm(ways[:, 1], axis=-1).sum())
-    if distance <= max(STANDING, STRAIGHT * length):
-        return float("nan")
-    return float(went @ wanted / distance**2)
+    advance = advance_along(went, ways[:, 1])
+    return float("nan") if advance is None else advance / float(np.linalg.norm(wanted))
 
 
 def _first(bodies: BodyStates) -> BodyStates:

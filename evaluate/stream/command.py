@@ -128,11 +128,11 @@ def command(
         prepare(policy, run)
         if with_page:
             from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415 (loads viser)
-            from kinemimic.evaluate.stream.viewed_page import ViewedPage  # noqa: PLC0415
+            from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
 
             # The policy, the motion and its phase are given; only a file waits while time is slowed.
             choices = Choices((policy,), (SOURCE,), (), policy, SOURCE, phases=False, slower=source.waits)
-            page = ViewedPage(port, secrets.token_urlsafe(16), choices)
+            page = Page(port, secrets.token_urlsafe(16), choices)
             echo(f"{source.name}; open {page.address}\nCtrl-C ends it.", err=as_json)
         elif replay is None:
             echo(f"{source.name}; Ctrl-C ends it.", err=as_json)
