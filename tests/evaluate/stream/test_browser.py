@@ -76,6 +76,18 @@ def awaited(watched: Watched, color: tuple[int, int, int], least: int, *, drawn:
     return False
 
 
+def settled(watched: Watched) -> bool:
+    """Whether the latency that is shown comes below a second within five: playback may skip at first, and the
+    humanoid then performs for 0.4 s what came before."""
+    until = time.monotonic() + 5.0
+    while time.monotonic() < until:
+        behind = re.search(r"(\d+) ms behind", watched.tab.inner_text("body"))
+        if behind is not None and 400 < int(behind[1]) < 1000:
+            return True
+        time.sleep(0.1)
+    return False
+
+
 def test_a_sender_comes_goes_and_comes_back(browser: Any, sender: Sender, tmp_path: Path) -> None:
     with served("stream", "--udp", str(UDP), "--port", str(PAGE), "--run", str(tmp_path / "run")) as address:
         page = Watched(browser, address)
@@ -86,8 +98,7 @@ def test_a_sender_comes_goes_and_comes_back(browser: Any, sender: Sender, tmp_pa
         page.sees("Kinect v1")
         for color, count in before.items():
             assert awaited(page, color, count + 40, drawn=True), color
-        behind = re.search(r"(\d+) ms behind", page.tab.inner_text("body"))
-        assert behind is not None and 400 < int(behind[1]) < 1000
+        assert settled(page), page.tab.inner_text("body")
         sender.on.clear()
         page.sees("no frames for")
         assert awaited(page, BLUE, before[BLUE] + 1, drawn=False)
