@@ -16,7 +16,7 @@ from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED, Comparison, 
 from kinemimic.evaluate.compare.table import table_csv
 from kinemimic.evaluate.paper.claim import formatted
 from kinemimic.evaluate.paper.claims import claims
-from kinemimic.evaluate.paper.head_to_head import head_to_head
+from kinemimic.evaluate.paper.head_to_head import contest_trials, head_to_head
 from kinemimic.evaluate.paper.output import drawings, numbers
 from kinemimic.evaluate.paper.page import study_page
 from kinemimic.evaluate.paper.plan import (
@@ -29,6 +29,7 @@ from kinemimic.evaluate.paper.plan import (
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
 from kinemimic.evaluate.paper.room_walks import rooms
 from kinemimic.evaluate.paper.summary import markdown
+from kinemimic.evaluate.robustness.scenario_trials import Trials
 from kinemimic.pipeline.cli.options import json_option, ray_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
@@ -87,19 +88,28 @@ def _study(
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
     if ray is not None:
         options["executor"] = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
-    contests: list[Row] = []
-    with progress("study", len(SCENARIOS) + 2, unit=PERCENT) as bar:
-        for name in SCENARIOS:
-            theirs = [cast[one] for one in policies_in(name, cast)]
-            pairs = [(one, scenarios[name]) for one in theirs]
-            measure = partial(head_to_head, pairs, trials=trials, over=AHEAD, **options)
-            settings = {"scenario": scenarios[name].to_json(), "trials": trials}
-            contests += parts.kept(name, theirs, settings, bar.advance, measure)
+    entries = []
+    with progress("study", len(cast) + 2, unit=PERCENT) as bar:
+        for name, policies in cast.items():
+            faced = [scenarios[one] for one in SCENARIOS if name in policies_in(one, cast)]
+            kept = parts.kept(
+                f"trials of {name}",
+                [policies],
+                {"scenarios": [one.to_json() for one in faced], "trials": trials},
+                bar.advance,
+                partial(_contest_trials, policies, faced, trials=trials, **options),
+            )
+            entries.append((policies, {where: list(map(Trials.from_json, of)) for where, of in kept.items()}))
         theirs = [cast[one] for one in policies_in(ROOM, cast)]
-        measure = partial(rooms, theirs, scenarios[ROOM], trials=walks, **options)
-        settings = {"scenario": scenarios[ROOM].to_json(), "trials": walks}
-        walk_metrics = parts.kept(ROOM, theirs, settings, bar.advance, measure)
+        walk_metrics = parts.kept(
+            ROOM,
+            theirs,
+            {"scenario": scenarios[ROOM].to_json(), "trials": walks},
+            bar.advance,
+            partial(rooms, theirs, scenarios[ROOM], trials=walks, **options),
+        )
         times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
+    contests = head_to_head(entries, SCENARIOS, over=AHEAD)
     content = {
         "schema": STUDY_SCHEMA,
         "claims": [claim.to_json() for claim in claims(comparison, contests, walk_metrics, times)],
@@ -125,6 +135,12 @@ def _study(
     write_text(out / "claims.md", markdown(content["claims"]))
     write_text(out / PAGE, study_page(comparison, content, drawn))
     return content
+
+
+def _contest_trials(*arguments: Any, **options: Any) -> dict[str, list[Row]]:
+    """JSON values of `contest_trials`."""
+    found = contest_trials(*arguments, **options)
+    return {where: [one.to_json() for one in of_seeds] for where, of_seeds in found.items()}
 
 
 def _identities(cast: Iterable[Sequence[TrainedPolicy]]) -> dict[str, str]:

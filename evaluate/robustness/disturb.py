@@ -16,6 +16,7 @@ from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, run_all_tri
 from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.progress_state import PERCENT
 from kinemimic.pipeline.cli.terminal import grid, number, percent, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -65,11 +66,9 @@ def _disturb(
 ) -> dict[str, dict[str, Any]]:
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
-    tasks = [
-        trial_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios
-    ]
-    with progress("disturb", sum(map(len, tasks)), unit="trials") as bar:
-        done = run_all_trials(tasks, workers=workers, progress=bar.advance)
+    tasks = trial_tasks(motion, policy, config, scenarios, trials=trials, seed=seed, engine=engine)
+    with progress("disturb", len(tasks), unit=PERCENT) as bar:
+        (done,) = run_all_trials([tasks], workers=workers, progress=bar.advance)
     results = {}
     for one, found in zip(scenarios, done, strict=True):
         results[one.name] = {

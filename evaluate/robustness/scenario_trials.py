@@ -8,7 +8,7 @@ longer exceeds RECOVERED. Rewards are shares of the largest possible, and 0 afte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any
@@ -23,6 +23,7 @@ from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import episode_frames
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import roll_out
@@ -32,20 +33,20 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
 
-TRIALS_PER_TASK = 10
+TRIALS_PER_TASK = 5
 RECOVERED = 0.05  # of the largest reward
 DIFFERENT = 1e-6  # of the largest reward: larger than rounding errors
 
 
 @dataclass(frozen=True)
 class Task:
-    """Some trials of a scenario, by their numbers; config: with the reward to measure; seed: of all trials;
-    engine: see `train/sim/engines.py`."""
+    """Some trials of each scenario, by their numbers; config: with the reward to measure; seed: of all
+    trials; engine: see `train/sim/engines.py`."""
 
     motion: Motion
     policy: Policy
     config: EnvConfig
-    scenario: Scenario
+    scenarios: tuple[Scenario, ...]
     numbers: tuple[int, ...]
     seed: int
     engine: str
@@ -72,42 +73,61 @@ class Trials:
             *(np.concatenate(column) for column in zip(*(vars(p).values() for p in parts), strict=True))
         )
 
+    def to_json(self) -> dict[str, list[Any]]:
+        """Its JSON values, from which `from_json` makes the same trials to the last bit."""
+        return {name: column.tolist() for name, column in vars(self).items()}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, list[Any]]) -> Trials:
+        """The inverse of `to_json`."""
+        return cls(**{name: np.array(column) for name, column in value.items()})
+
 
 def trial_tasks(
     motion: Motion,
     policy: Policy,
     config: TrainConfig,
-    scenario: Scenario,
+    scenarios: Sequence[Scenario],
     *,
     trials: int,
     seed: int,
     engine: str,
 ) -> list[Task]:
-    """Tasks of TRIALS_PER_TASK trials each, measured with the reward at the end of the training.
+    """Tasks of TRIALS_PER_TASK trials of each scenario, measured with the reward at the end of the training.
 
     The tasks do not depend on the number of processes, and trial k of a seed does not depend on the number of
     trials.
     """
     chunks = [tuple(range(trials))[k : k + TRIALS_PER_TASK] for k in range(0, trials, TRIALS_PER_TASK)]
-    return [Task(motion, policy, config.measured_env, scenario, chunk, seed, engine) for chunk in chunks]
+    return [
+        Task(motion, policy, config.measured_env, tuple(scenarios), chunk, seed, engine) for chunk in chunks
+    ]
 
 
-def run_trials(task: Task) -> Trials:
-    """Run the trials of a task and their controls."""
-    reference, size = reference_for(task.motion, task.scenario), len(task.numbers)
-    starts = [trial_start(task.motion, task.scenario, task.seed, number) for number in task.numbers]
-    seeds = np.array([seed for seed, _ in starts], dtype=np.uint64)
-    phases = np.array([phase for _, phase in starts])
-    steps = trial_steps(task.motion, task.scenario)
-    runs = []
-    for scenario in (task.scenario, None):
-        config = replace(task.config, scenario=scenario)
-        batch = ImitationBatch(open_world(size, task.engine), reference, config)
-        batch.reset(np.arange(size), phases, seeds=seeds)
-        runs.append(_rewards(batch, task.policy, steps))
-        batch.world.close()
-    (rewards, fallen_at), (control, control_fallen_at) = runs
-    return Trials(phases, rewards, control, fallen_at, control_fallen_at < steps)
+def run_trials(task: Task) -> list[Trials]:
+    """Run the trials of a task and their controls; one result per scenario.
+
+    A control depends on the route and the start phases only, so scenarios that have these in common share it.
+    """
+    longest = max(trial_steps(task.motion, scenario) for scenario in task.scenarios)
+    controls: dict[Hashable, tuple[Array, NDArray[np.int64]]] = {}
+    found = []
+    for scenario in task.scenarios:
+        seeds, phases = _starts(task, scenario)
+        reference, steps = reference_for(task.motion, scenario), trial_steps(task.motion, scenario)
+        rewards, fallen_at = _rewards(task, reference, scenario, seeds, phases, steps)
+        key = (scenario.route, tuple(phases))
+        if key not in controls:
+            controls[key] = _rewards(task, reference, None, seeds, phases, longest)
+        control, control_fallen_at = controls[key]
+        found.append(Trials(phases, rewards, control[:, :steps], fallen_at, control_fallen_at < steps))
+    return found
+
+
+def _starts(task: Task, scenario: Scenario) -> tuple[NDArray[np.uint64], Array]:
+    """Seeds and phases of the task's trials of a scenario."""
+    starts = [trial_start(task.motion, scenario, task.seed, number) for number in task.numbers]
+    return np.array([seed for seed, _ in starts], dtype=np.uint64), np.array([phase for _, phase in starts])
 
 
 def run_all_trials(
@@ -116,8 +136,9 @@ def run_all_trials(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: Callable[[int], object] | None = None,
-) -> list[Trials]:
-    """The trials of each group of tasks, in parallel; progress: called with the number of finished tasks.
+) -> list[list[Trials]]:
+    """For each group of tasks, the trials of each scenario, in parallel; progress: called with the number of
+    finished tasks.
 
     executor: what runs the tasks; by default `workers` processes of this machine.
     """
@@ -127,7 +148,10 @@ def run_all_trials(
         if executor is None
         else ordered_map(executor, run_trials, tasks, progress=progress)
     )
-    return [Trials.joined(list(islice(parts, len(group)))) for group in groups]
+    return [
+        [Trials.joined(list(of_one)) for of_one in zip(*islice(parts, len(group)), strict=True)]
+        for group in groups
+    ]
 
 
 def trial_start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[int, float]:
@@ -143,20 +167,31 @@ def trial_steps(motion: Motion, scenario: Scenario) -> int:
     return scenario.steps if motion.cyclic else min(scenario.steps, episode_frames(motion))
 
 
-def _rewards(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:
+def _rewards(
+    task: Task,
+    reference: Reference,
+    scenario: Scenario | None,
+    seeds: NDArray[np.uint64],
+    phases: Array,
+    steps: int,
+) -> tuple[Array, NDArray[np.int64]]:
     """Rewards (N, steps), 0 after a fall, and the control step of the fall (N,)."""
+    size = len(seeds)
+    batch = ImitationBatch(open_world(size, task.engine), reference, replace(task.config, scenario=scenario))
+    batch.reset(np.arange(size), phases, seeds=seeds)
     largest = sum(batch.reward.weights.values())
-    rewards = np.zeros((batch.world.size, steps))
+    rewards = np.zeros((size, steps))
 
     def act_one_by_one(observations: Array) -> Array:
         # The last digits of a matrix product depend on its number of rows; after some contacts, the rollouts
         # would too.
-        return np.concatenate([policy.act(row[None]) for row in observations])
+        return np.concatenate([task.policy.act(row[None]) for row in observations])
 
     def record(step: int, standing: NDArray[np.bool_]) -> None:
         rewards[:, step] = standing * batch.terms().sum(axis=1) / largest
 
     fallen_at = roll_out(batch, act_one_by_one, steps, record)
+    batch.world.close()
     return rewards, fallen_at
 
 

@@ -23,7 +23,7 @@ from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
 from kinemimic.evaluate.paper import room_walks as walks
 from kinemimic.evaluate.paper.claim import UNTRAINED
-from kinemimic.evaluate.paper.head_to_head import head_to_head
+from kinemimic.evaluate.paper.head_to_head import contest_trials, head_to_head
 from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, WALK, compared_policies, policies_in
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.pipeline.errors import KinemimicError
@@ -98,7 +98,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
         raise AssertionError("measured again")
 
     with monkeypatch.context() as patched:
-        for measure in ("head_to_head", "rooms", "processing_times"):
+        for measure in ("contest_trials", "rooms", "processing_times"):
             patched.setattr(module, measure, never)
         again = CliRunner().invoke(module.command, [*arguments, "--json"], catch_exceptions=False)
         assert json.loads(again.stdout) == content
@@ -130,16 +130,17 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
     pull = replace(scenario("pull-forward"), seconds=1.5)
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
-    both = head_to_head([(one, pull), (other, pull)], **options)
-    (alone,) = head_to_head([(other, pull)], **options, over={"DDPG": "PPO"})
+    ppo, ddpg = ((policies, contest_trials(policies, [pull], **options)) for policies in (one, other))
+    both = head_to_head([ppo, ddpg], [pull.name])
+    (alone,) = head_to_head([ddpg], [pull.name], over={"DDPG": "PPO"})
     assert [row["policy"] for row in both] == ["PPO", "DDPG"]
     assert both[1] == alone
-    led = head_to_head([(one, pull), (other, pull)], **options, over={"DDPG": "PPO"})
+    led = head_to_head([ppo, ddpg], [pull.name], over={"DDPG": "PPO"})
     assert led[0] == both[0]
     lost = [row["loss"]["share"] for row in led]
     assert led[1]["lead"]["loss"]["ahead"] == pytest.approx(lost[1] - lost[0], abs=2e-6)
     shares = list[float]()
-    head_to_head([(one, pull)], **options, progress=shares.append)
+    contest_trials(one, [pull], **options, progress=shares.append)
     assert sum(shares) == pytest.approx(1.0)
 
 
@@ -164,9 +165,8 @@ def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Cal
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     shares = list[float]()
     there: dict[str, Any] = {**options, "executor": There(), "progress": shares.append}
-    assert head_to_head([(one, pull), (other, pull)], **there) == head_to_head(
-        [(one, pull), (other, pull)], **options
-    )
+    away, here = (contest_trials(one, [pull], **where)["pull-forward"] for where in (there, options))
+    assert [trials.to_json() for trials in away] == [trials.to_json() for trials in here]
     assert walks.rooms([one, other], room, **there) == walks.rooms([one, other], room, **options)
     assert sum(shares) == pytest.approx(2.0)
 
