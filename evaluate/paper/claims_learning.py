@@ -27,7 +27,7 @@ def settings(comparison: Comparison) -> Iterator[Claim]:
     ours = TrainConfig.from_json(comparison.content["provenance"]["config"]["variants"][VARIANTS[PPO]])
     how = (
         "of the preset compared here, which trains faster on this humanoid than the paper's settings; for "
-        "those (--preset paper) see docs/results.md"
+        "those (--preset paper) see docs/results-paper.md"
     )
     initial = ", initial" if ours.adapt_rate else ""
     for what, printed, name in (

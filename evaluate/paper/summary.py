@@ -1,4 +1,4 @@
-"""The claims as Markdown, for docs/results.md.
+"""The claims as Markdown, for docs/results-paper.md.
 
 The number of claims per outcome, and every claim with a verdict.
 """

@@ -108,7 +108,7 @@ def table(found: Iterable[Pair]) -> list[Row]:
 
 
 def markdown(rows: Iterable[dict[str, Any]]) -> str:
-    """The table of results.md; rows: as `Row`, in JSON values."""
+    """The table of results-accuracy.md; rows: as `Row`, in JSON values."""
     head = ["movement (recordings, people)", "angle", "RMSE", "bias", "error at the peak", "change per frame"]
     lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     for row in rows:

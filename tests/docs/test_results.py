@@ -1,8 +1,8 @@
-"""What results.md says of the paper's experiments, and of a Kinect's accuracy, is what was measured.
+"""What the results pages say of the paper's experiments, and of a Kinect's accuracy, is what was measured.
 
 study_claims.json holds the claims of a full `make study`; after another one, replace it, and the block in
-results.md with the study's claims.md. sensor_accuracy.json is the accuracy.json of `make sensor-accuracy`,
-and the other block its table.md.
+results-paper.md with the study's claims.md. sensor_accuracy.json is the accuracy.json of `make
+sensor-accuracy`, and the block in results-accuracy.md its table.md.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ACCURACY: list[dict[str, Any]] = json.loads(Path(__file__).with_name("sensor_acc
 
 
 def test_the_page_has_the_table_of_the_study() -> None:
-    page = (ROOT / "docs" / "results.md").read_text()
+    page = (ROOT / "docs" / "results-paper.md").read_text()
     block = page.partition("<!-- claims -->\n")[2].partition("<!-- end of claims -->")[0]
     assert block == markdown(MEASURED)
 
@@ -44,7 +44,7 @@ def test_the_claims_about_training_are_those_of_the_shipped_comparison() -> None
 
 
 def test_the_page_has_the_table_of_the_sensors_accuracy() -> None:
-    page = (ROOT / "docs" / "results.md").read_text()
+    page = (ROOT / "docs" / "results-accuracy.md").read_text()
     block = page.partition("<!-- sensor accuracy -->\n")[2].partition("<!-- end of sensor accuracy -->")[0]
     assert block == sensor_accuracy.markdown(ACCURACY)
 
@@ -57,6 +57,6 @@ def test_the_sensors_accuracy_is_as_recorded_and_cleaning_improves_it(captures: 
         assert where == (recorded["movement"], recorded["joint"])
         for key in ("rmse", "bias", "peak", "step"):
             assert getattr(row, key) == pytest.approx(recorded[key], abs=0.02), (where, key)
-        # The jump of the lunge's knee: see results.md.
+        # The jump of the lunge's knee: see results-accuracy.md.
         assert row.rmse[1] < row.rmse[0] + (0.04 if where == ("inline lunge", "knee") else 0.001), where
         assert row.step[1] < 0.8 * row.step[0], where
