@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.locomotion.odometry import GroundPath
+from kinemimic.pipeline.locomotion.ground_path import GroundPath
 from kinemimic.pipeline.locomotion.strides import MAX_PERIOD_DEVIATION, MIN_R2, Stride
 
 # A bout: so many strides; or a part of a stride that advances so far (m), as of a runner who crosses the view
