@@ -88,7 +88,8 @@ def captured_angles(
             **{f"adjusted_{name}": curve for name, curve in adjusted[k].items()},
         }
         for name, curve in cleaned[k].items():
-            part[f"clean_{name}"] = np.interp(times, clip.times[kept[k]], curve)
+            # A segment leaves the rest of the pass out of the cleaned clip.
+            part[f"clean_{name}"] = np.interp(times, clip.times[kept[k]], curve, left=np.nan, right=np.nan)
         if truth is not None:
             for name in ANGLES:
                 part[f"truth_{name}"] = np.interp(times, truth["time"], truth[name])

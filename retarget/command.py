@@ -18,9 +18,10 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import read_truth
 from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import shows_feet
 from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
 from kinemimic.pipeline.locomotion.no_walk import why_no_walk
-from kinemimic.pipeline.locomotion.segments import only_segment
+from kinemimic.pipeline.locomotion.segments import find_segments, only_segment
 from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES, MIN_TRAVEL
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
@@ -65,7 +66,8 @@ def retarget(
         longest usable walk and those like it, or, without a walk, the longest pass as recorded.
     balance: displace the root of a depth sensor's walk until its zero-moment point is nearer to the soles.
 
-    KinemimicError if the capture has no pass, or if loop is True and no stride is usable.
+    KinemimicError if the capture has no pass, for an unknown segment, and for a loop (loop=True) without
+    usable strides or with straighten=False.
     """
     with stage(run, "retarget") as out:
         return _retarget(
@@ -95,12 +97,14 @@ def _retarget(
 ) -> Motion:
     source = read_converted(run)
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
-    if segment is not None:
-        clip = only_segment(clip, clip.positions, segment)
     truth = read_truth(run / "truth.parquet")
     if not (clip.passes >= 0).any():
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
-    bouts = find_bouts(clip.times, clip.passes, clip.positions)
+    toes = shows_feet(clip.states)
+    bouts = find_bouts(clip.times, clip.passes, clip.positions, toes=toes)
+    if segment is not None:
+        clip = only_segment(clip, find_segments(clip, clip.positions, bouts), segment)
+        bouts = find_bouts(clip.times, clip.passes, clip.positions, toes=toes)
     selection = select_bouts(bouts)
     if loop and straighten is False:
         raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")
@@ -196,9 +200,9 @@ def _excerpt(clip: Clip, bouts: list[Bout], *, straighten: bool) -> Excerpt:
 def _no_strides(clip: Clip, bouts: list[Bout], selection: Selection) -> str:
     """What is missing for a loop."""
     if not bouts:
-        if found := why_no_walk(clip.times, clip.passes, clip.positions):
+        if found := why_no_walk(clip.times, clip.passes, clip.positions, toes=shows_feet(clip.states)):
             return f"found {found}"
-        return f"found nobody who walks {MIN_STRIDES:.0f} strides, or {MIN_TRAVEL} m across the view"
+        return f"found no walk of {MIN_STRIDES:.0f} strides, or of {MIN_TRAVEL} m across the view"
     longest = max(bouts, key=lambda one: one.cycles)
     return f"found {len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"
 

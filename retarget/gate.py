@@ -8,7 +8,7 @@ humanoid could and could not imitate, and from how people walk and run.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -73,8 +73,10 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else factor * value
 
 
-def _knee_peak(report: Report) -> float | None:
-    return float(min(report["range_deg"][f"knee_{side}"][1] for side in ("left", "right")))
+def _knee_peak(of_both: Callable[[Iterable[float]], float]) -> Callable[[Report], float | None]:
+    """The peak flexion of one knee: `min` for the less, `max` for the more flexed one."""
+    sides = ("knee_left", "knee_right")
+    return lambda report: float(of_both(report["range_deg"][side][1] for side in sides))
 
 
 def _hip_fit(report: Report) -> float | None:
@@ -107,8 +109,11 @@ RULES: tuple[_Rule, ...] = (
           "a swinging foot clears the ground by {value:.1f} mm (limit {limit:.0f})"),
     _Rule("slip", _ground("slip_m_s", 1.0), _gaits(most=0.05), _gaits(most=0.15),
           "the planted foot slips at {value:.2f} m/s (limit {limit:.2f})"),
-    _Rule("knee", _knee_peak, {"walk": (45, 85), "run": (60, 140)}, {"walk": (35, 110), "run": (45, 155)},
-          "peak knee flexion of {value:.0f}° (limit {limit:.0f}°)"),
+    _Rule("knee", _knee_peak(min), {"walk": (45, _INF), "run": (60, _INF)},
+          {"walk": (35, 110), "run": (45, 155)}, "peak knee flexion of {value:.0f}° (limit {limit:.0f}°)"),
+    # One knee may bend far, as in a step over something.
+    _Rule("knee", _knee_peak(max), {"walk": (-_INF, 85), "run": (-_INF, 140)}, {},
+          "peak flexion of a knee of {value:.0f}° (limit {limit:.0f}°)"),
     _Rule("cadence", lambda report: report.get("cadence_steps_per_min"),
           {"walk": (80, 130), "run": (130, 200)}, {"walk": (50, 160), "run": (100, 240)},
           "cadence {value:.0f} steps/min (limit {limit:.0f})"),
@@ -139,9 +144,9 @@ def _findings(rule: _Rule, report: Report) -> Iterator[Finding]:
     )
     for severity, limits in severities:
         least, most = limits.get(report["kind"], (-_INF, _INF))
-        if least < value < most:
+        if least <= value <= most:
             continue
-        limit = least if value <= least else most
+        limit = least if value < least else most
         yield Finding(rule.name, severity, value, limit, rule.message.format(value=value, limit=limit))
         return
 

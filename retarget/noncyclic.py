@@ -91,13 +91,14 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     count = max(2, int(times[-1] * FRAME_RATE + 1e-2) + 1)
     grid = np.arange(count) / FRAME_RATE
     weights = _weights(p, clip.states[frames])
-    contacts = np.zeros((count, 2), dtype=np.bool_)
     if bout is not None:
-        reliability = assess_reliability(_strides(clip, excerpt, bout.phase, weights))
+        # Walking backward is walking forward in reversed time.
+        forward = -bout.phase if bout.backward else bout.phase
+        reliability = assess_reliability(_strides(clip, excerpt, forward, weights))
     else:
         rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
         contacts = _recorded_contacts(p, times, grid, scale, rigid)
-        reliability = _reliability(p, rigid, contacts[_nearest_frames(times, count)])
+        reliability = _reliability(p, rigid, contacts[_nearest_frames(times, count)], weights)
     local = local_rotations(reliable_frames(p, reliability))
     rotations = np.tile(IDENTITY, (count, len(NODES), 1))
     for node in range(len(NODES)):
@@ -111,8 +112,7 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     seen = np.isfinite(middle).all(axis=-1)
     root, lean = scale * _interpolate(grid, times[seen], middle[seen]), 0.0
     if bout is not None:
-        # Walking backward is walking forward in reversed time.
-        phase = np.interp(grid, times, -bout.phase if bout.backward else bout.phase)
+        phase = np.interp(grid, times, forward)
         if not reliability.feet:
             rotations = neutral_feet(rotations, phase)
         rotations, _ = with_stance_width(rotations, scale * stance_width(p))
@@ -133,7 +133,15 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     visibility = np.stack([np.interp(grid, times, column) for column in weakest.T], axis=-1)
     strides = None if bout is None else float(np.ptp(bout.phase))
     return NonCyclicFit(
-        motion, reliability, frames, p, times / motion.duration, visibility, scale, strides, lean
+        motion,
+        reliability,
+        frames,
+        p,
+        np.minimum(times / motion.duration, 1.0),
+        visibility,
+        scale,
+        strides,
+        lean,
     )
 
 
@@ -176,20 +184,20 @@ def _nearest_frames(times: Array, count: int) -> NDArray[np.intp]:
     return np.minimum(np.rint(times * FRAME_RATE).astype(np.intp), count - 1)
 
 
-def _reliability(positions: Array, rigid: bool, contacts: Mask) -> SensorReliability:
+def _reliability(positions: Array, rigid: bool, contacts: Mask, weights: Array) -> SensorReliability:
     """Reliability of a recording without strides.
 
     Nothing repeats that the trunk could be checked against: it counts as reliable. So do the feet of a
-    precise recording that shows both, if they are flat while in contact (M, 2).
+    precise recording that shows both, tracked (weights (M, 20) of 1), if they are flat while in contact
+    (M, 2).
     """
-    pitches, shown = [], True
+    pitches, shown = [], (weights[:, [N["foot_left"], N["foot_right"]]] >= 1.0).any(axis=0).all()
     for k, side in enumerate(("left", "right")):
         toe = positions[:, N[f"foot_{side}"]] - positions[:, N[f"ankle_{side}"]]
         pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
         standing = contacts[:, k] & np.isfinite(pitch)
         pitches.append(float(np.median(pitch[standing])) if standing.any() else 0.0)
-        shown &= bool(np.isfinite(pitch).any())
-    feet = rigid and shown and max(np.abs(pitches)) < MAX_FOOT_PITCH
+    feet = bool(rigid and shown and np.max(np.abs(pitches)) < MAX_FOOT_PITCH)
     return SensorReliability(rigid, True, True, feet, 0.0, (pitches[0], pitches[1]), {})
 
 

@@ -130,7 +130,7 @@ def climb_warnings(report: Mapping[str, Any]) -> list[str]:
         return []
     verb = "climbs" if climb["stride_m"] > 0.0 else "descends"
     return [
-        f"levelled: the {report['kind']} {verb} {abs(climb['stride_m']):.2f} m a stride "
+        f"levelled: the {report['kind']} {verb} {abs(climb['stride_m']):.2f} m per stride "
         f"({abs(climb['angle_deg']):.1f}°)"
     ]
 
@@ -151,7 +151,7 @@ def noncyclic_report(
     """
     kind, walk = "motion", {}
     if fit.strides is not None and excerpt.bout is not None:
-        speed = float(np.linalg.norm(np.diff(motion.root[:, :2], axis=0), axis=1).sum()) / motion.duration
+        speed = _speed_ahead(motion, clip.times[excerpt.frames], excerpt.yaw, excerpt.bout)
         kind = "run" if is_running(speed) else "walk"
         walk = {
             "period_s": _n(motion.duration / fit.strides),
@@ -187,10 +187,24 @@ def noncyclic_report(
     warnings = [f"{why}: {what} is kept as recorded, without a loop"] if why else []
     if fit.lean:
         warnings.append(
-            f"the recorded body leans by {np.degrees(fit.lean):.0f}° more than it could without a fall while "
-            "it stands: it was turned upright by as much"
+            f"the recorded body leans in standing by {np.degrees(fit.lean):.0f}° more than it could without "
+            "falling: it was turned upright by this angle"
         )
     return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
+
+
+def _speed_ahead(motion: Motion, times: Array, yaw: Array, bout: Bout) -> float:
+    """Speed in m/s along the heading in the strides of walking, as `Bout.speed`, without its sign.
+
+    times: (n,) seconds of the capture's frames; yaw: (n,) radians of the heading there.
+    """
+    steps = np.diff(motion.root[:, :2], axis=0) * motion.rate
+    at = times[0] + (np.arange(len(steps)) + 0.5) / motion.rate
+    heading = np.interp(at, times, yaw)
+    ahead = steps[:, 0] * np.cos(heading) + steps[:, 1] * np.sin(heading)
+    spans = [stride.times for stride in bout.strides if stride.walking]
+    walking = np.any([(at >= first) & (at <= last) for first, last in spans], axis=0)
+    return abs(float(np.mean(ahead[walking])))
 
 
 def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:

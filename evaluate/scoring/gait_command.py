@@ -24,6 +24,7 @@ from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
+from kinemimic.pipeline.kinematics.nodes import shows_feet
 from kinemimic.pipeline.locomotion.no_walk import why_no_walk
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -87,12 +88,12 @@ def _recording(run: Path, motion: Motion | None) -> tuple[str | None, bool]:
 
 
 def _recorded(run: Path, capture: GaitSubject | None) -> str:
-    """Duration and foot strikes of a capture without a full stride, or why its strides are no walk."""
+    """Duration and foot strikes of a capture without a full stride, or why its strides are not a walk."""
     if capture is None:
         return ""
     if not capture.gait.bouts:
         clip = on_nodes(read_converted(run))
-        if found := why_no_walk(clip.times, clip.passes, clip.positions):
+        if found := why_no_walk(clip.times, clip.passes, clip.positions, toes=shows_feet(clip.states)):
             return f"; the capture has {found}"
     seconds = sum(
         float(np.ptp(capture.times[capture.passes == k])) for k in set(capture.passes[capture.passes >= 0])

@@ -24,7 +24,7 @@ from kinemimic.pipeline.gait.parameters import Gait, measure_gait
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
-from kinemimic.pipeline.kinematics.nodes import derived_nodes
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, shows_feet
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
@@ -82,7 +82,7 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
         _expect_same(run, source.provenance, motion.provenance.get("capture", {}))
     clip = on_nodes(source)
     reliable = _read_reliability(run / "gait.json")
-    gait = measure_gait(clip.times, clip.passes, clip.positions)
+    gait = measure_gait(clip.times, clip.passes, clip.positions, toes=shows_feet(clip.states))
     notes = ["simulated capture (virtual Kinect)"] if source.simulated else []
     if gait.backward:
         notes.append(f"{plural(gait.backward, 'bout')} of walking backward left out")

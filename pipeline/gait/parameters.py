@@ -90,18 +90,18 @@ class Gait:
     backward: int = 0
 
 
-def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gait:
+def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array, *, toes: bool = True) -> Gait:
     """The gait of a recording: times (T,), pass numbers (T,), -1 outside any pass, positions (T, 20, 3).
 
-    `strides` is empty if nobody walks a full stride forward: a foot that walks backward lands where its ankle
-    is farthest behind, and the norms are of walking forward.
+    toes: as for `find_bouts`. `strides` is empty if nobody walks a full stride forward: a foot that walks
+    backward lands where its ankle is farthest behind, and the norms are of walking forward.
     """
     found: list[Stride] = []
     feet: dict[int, FootEvents] = {}
     bouts: dict[int, Bout] = {}
     groups = np.full(len(times), -1, dtype=np.int32)
     lacking = backward = 0
-    for bout in find_bouts(times, passes, positions):
+    for bout in find_bouts(times, passes, positions, toes=toes):
         if bout.backward:
             backward += 1
             continue
@@ -155,7 +155,7 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
                 for times in (feet.offs[foot], feet.strikes[other])
             )
             inside = slice(*np.searchsorted(feet.times, (start, end)))
-            if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].mean() < MIN_SEEN:
+            if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].all(axis=1).mean() < MIN_SEEN:
                 unseen += 1
                 continue
             first, last = prints[foot][k : k + 2]

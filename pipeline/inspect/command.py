@@ -43,11 +43,11 @@ from kinemimic.pipeline.readers.search import find_files
     "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."
 )
 @unit_option("Length unit of the files. Default: as declared by the format, or inferred from body size.")
-@rate_option("True frame rate of the files in Hz. Default: by each file's clock.")
+@rate_option("True frame rate of the files in Hz. Default: from each file's clock.")
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
-    help="Number of files inspected in parallel.  [default: number of CPUs]",
+    help="Files inspected in parallel. Default: one per core.",
 )
 def command(
     paths: tuple[Path, ...],
@@ -61,7 +61,7 @@ def command(
 ) -> int:
     """Report the format and quality of each capture in PATHS, and what `ingest` will do with it.
 
-    One file gives a page; several files or a folder give a table. Files that are not captures are only
+    One file: a full report; several files or a folder: a table. Files that are not captures are only
     listed. The knee peak is the 95th percentile over the frames in passes, on the better-tracked side; ranges
     are the 5th to the 95th percentile. Exit status: 0 if any file is usable, else 2.
 

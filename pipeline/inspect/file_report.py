@@ -21,6 +21,7 @@ from kinemimic.pipeline.inspect.measures import (
     stature,
 )
 from kinemimic.pipeline.kinematics.clip import Clip, Label
+from kinemimic.pipeline.kinematics.nodes import shows_feet
 from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.locomotion.bouts import find_bouts
@@ -111,7 +112,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
     lengths = segment_lengths(nodes[inside])
     flagged = any(defect.action == "flagged" for defect in checked.defects)
     beside, simulated = _sidecar_files(path)
-    bouts = find_bouts(clip.times, clip.passes, nodes)
+    bouts = find_bouts(clip.times, clip.passes, nodes, toes=shows_feet(states))
     steps = np.diff(clip.times)[inside[1:] & (clip.passes[1:] == clip.passes[:-1])]
     step = median(steps)
     return _EMPTY | {

@@ -84,7 +84,7 @@ def leg_angle_ranges(
 ) -> dict[str, Any]:
     """Ranges of knee and hip angles per side (percentiles TAIL and 100 - TAIL, degrees), and the knee's peak.
 
-    nodes: (T, 20, 3), states: (T, 20), times and knees: as of `leg_angles`, of frames inside passes. The peak
+    nodes: (T, 20, 3), states: (T, 20), times, knees: as for `leg_angles`, of frames inside passes. The peak
     is taken from the better-tracked side: the side whose hip, knee and ankle are tracked in more frames, then
     the side whose thigh and shank vary less. If both are equal (rigid bones of a model), it is the mean of
     the two sides.

@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.joint_names import (
     normalised,
 )
 from kinemimic.pipeline.kinematics.proportions import complete
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, TRACKED
 
 # Metres; nodes nearer to each other have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
@@ -62,6 +62,12 @@ def to_nodes(clip: Clip) -> tuple[Array, States]:
     complete(positions, states, set(found))
     _check_lengths(positions)
     return positions, states
+
+
+def shows_feet(states: States) -> bool:
+    """Whether both feet are tracked in some frame of states (T, 20); a derived foot never is."""
+    feet = states[:, [NODE_INDEX["foot_left"], NODE_INDEX["foot_right"]]]
+    return bool((feet == TRACKED).any(axis=0).all())
 
 
 def derived_nodes(clip: Clip) -> tuple[str, ...]:

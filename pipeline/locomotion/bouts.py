@@ -24,12 +24,9 @@ from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, is_precise, 
 from kinemimic.pipeline.locomotion.odometry import is_running_pose
 from kinemimic.pipeline.locomotion.pass_gait import PassGait, gait_of_pass, without_standing
 from kinemimic.pipeline.locomotion.span import Span, agreeing_parts, span_of
-from kinemimic.pipeline.locomotion.standing import INTO, OUT_OF
 from kinemimic.pipeline.locomotion.strides import Stride, frames_of, judge_strides
 from kinemimic.pipeline.locomotion.upright import levelling, upright_axis
-from kinemimic.pipeline.locomotion.walk_rule import is_walk
-
-MAX_HEADING_STEP = np.radians(60.0)  # between the strides on either side of a bad one
+from kinemimic.pipeline.locomotion.walk_rule import consecutive_strides, is_walk
 
 
 @dataclass(frozen=True)
@@ -85,9 +82,9 @@ class Bout:
         return out
 
 
-def find_bouts(times: Array, passes: NDArray[np.int32], positions: Array) -> list[Bout]:
+def find_bouts(times: Array, passes: NDArray[np.int32], positions: Array, *, toes: bool = True) -> list[Bout]:
     """The bouts of a capture: times (T,), numbers of the passes (T,) as in `Clip`, positions (T, 20, 3) in
-    metres.
+    metres. toes: whether the feet are measured, not derived (`nodes.shows_feet`).
     """
     lengths = leg_bones(positions)
     if not np.isfinite(lengths).any(axis=0).all():
@@ -97,12 +94,12 @@ def find_bouts(times: Array, passes: NDArray[np.int32], positions: Array) -> lis
     found: list[Bout] = []
     for number in np.unique(passes[passes >= 0]).tolist():
         frames = np.flatnonzero(passes == number)
-        for one in _bouts_of_pass(times[frames], positions[frames], bones, precise=precise):
+        for one in _bouts_of_pass(times[frames], positions[frames], bones, precise=precise, toes=toes):
             found.append(replace(one, pass_number=number, frames=frames[one.frames], number=len(found)))
     return found
 
 
-def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: bool) -> list[Bout]:
+def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: bool, toes: bool) -> list[Bout]:
     """The bouts of one pass, with indices into its frames: times (T,), positions (T, 20, 3)."""
     gait = gait_of_pass(times, positions)
     if gait is None:
@@ -116,15 +113,17 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     angles, bad = _legs(gait, level, bones, precise=precise)
     strides = judge_strides(strides, gait.phase, angles, bad, compare=not precise)
     out = []
-    groups = _groups(strides, gait.heading, gait.phase)
+    groups, ended = consecutive_strides(strides, gait.heading, gait.phase), -np.inf
     while groups:
-        span = span_of(gait, up, level, groups.pop(0), precise=precise)
-        if span is None:
-            continue
-        parts = agreeing_parts(span)
+        group = groups.pop(0)
+        between = (ended, groups[0][0].start if groups else np.inf)
+        span = span_of(gait, up, level, group, between=between, precise=precise, toes=toes)
+        parts = None if span is None else agreeing_parts(span)
         if parts is not None:
             groups = parts + groups
-        elif _is_bout(span):
+            continue
+        ended = group[-1].end
+        if span is not None and _is_bout(span):
             out.append(_bout(times, positions, span))
     return out
 
@@ -140,28 +139,6 @@ def _legs(gait: PassGait, level: Array, bones: Array, *, precise: bool) -> tuple
     ]
     impossible = impossible_legs(ahead, bones, running=running, precise=precise)
     return leg_angles(ahead), impossible | ~np.stack(seen, axis=1)
-
-
-def _groups(strides: list[Stride], heading: Array, phase: Array) -> list[list[Stride]]:
-    """Runs of strides of walking, with the half strides out of and into standing at their ends.
-
-    A single bad stride between two that head the same way does not end a run.
-    """
-    middle = [float(np.interp(0.5 * (one.start + one.end), phase, heading)) for one in strides]
-    groups: list[list[Stride]] = []
-    last: int | None = None
-    for k, stride in enumerate(strides):
-        if not stride.walking:
-            continue
-        gap = 3 if last is None else k - last
-        if last is not None and (gap == 1 or (gap == 2 and abs(middle[k] - middle[last]) < MAX_HEADING_STEP)):
-            groups[-1] += strides[last + 1 : k + 1]
-        else:
-            groups.append([*([strides[k - 1]] if k and strides[k - 1].transition == OUT_OF else []), stride])
-        if k + 1 < len(strides) and strides[k + 1].transition == INTO:
-            groups[-1].append(strides[k + 1])
-        last = k
-    return groups
 
 
 def _is_bout(span: Span) -> bool:
@@ -182,7 +159,9 @@ def _bout(times: Array, positions: Array, span: Span) -> Bout:
     travelled = np.concatenate(
         [np.zeros((1, 2)), np.cumsum(0.5 * (velocity[1:] + velocity[:-1]), axis=0) / RATE]
     )
-    height = span.root[:, 2] - ground_height(span.level, span.phase, follow=not span.precise)
+    # Walking backward is walking forward in reversed time: its stance is there.
+    stance = -span.phase if span.feet.backward else span.phase
+    height = span.root[:, 2] - ground_height(span.level, stance, follow=not span.precise)
     seconds = even.times[span.inside]
     frames = np.arange(*np.searchsorted(times, seconds[[0, -1]] + np.array([-0.5, 0.5]) / RATE))
     at = times[frames]

@@ -16,9 +16,9 @@ SMOOTHING_STANCES = 2.0  # standard deviation
 def ground_height(positions: Array, phase: Array, *, follow: bool) -> Array:
     """Height (T,) in metres of the ground below positions (T, 20, 3) with Z up.
 
-    phase: (T,) cycles, integer where the left ankle is farthest ahead. follow: let the ground rise and fall
-    slowly, as it seems to where a sensor's floor was not found; otherwise one height. Stairs and slopes
-    become level where it follows.
+    phase: (T,) cycles, integer where the left ankle is farthest ahead, and negated in a walk backward.
+    follow: let the ground rise and fall slowly, as it seems to where a sensor's floor was not found;
+    otherwise one height. Stairs and slopes become level where it follows.
     """
     places, heights = [], []
     for foot, side in enumerate(("left", "right")):

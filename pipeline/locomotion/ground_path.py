@@ -37,7 +37,7 @@ IN_PLACE = 0.5
 # exchanged, to 0.09.
 MAX_ONE_FOOT = 0.06
 MIN_STANCE_FRAMES = 5  # of one foot within a stride
-_SLOW = 0.3  # m/s: at lower speeds, differences count as of this speed
+_SLOW = 0.3  # m/s: at lower speeds, differences count as at this speed
 
 
 def disagreements(root: Array, feet: FootOdometry, phase: Array, edges: Array, rate: float) -> Array:

@@ -131,11 +131,14 @@ def end_to_end(values: Array) -> Array:
 def walking_direction(positions: Array) -> float:
     """Heading in radians of (T, 20, 3) positions: along the path of the hips.
 
-    If they stay within 0.5 m, the heading is where the hip line faces.
+    If they stay within 0.5 m, the heading is where the hip line faces; 0 without a frame that shows both.
     """
     middle = positions[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
-    path = end_to_end(middle[np.isfinite(middle).all(axis=-1)])
+    seen = np.isfinite(middle).all(axis=-1)
+    if not seen.any():
+        return 0.0
+    path = end_to_end(middle[seen])
     if np.hypot(*path) > 0.5:
         return float(np.arctan2(path[1], path[0]))
-    left = np.nanmean(positions[:, N["hip_left"], :2] - positions[:, N["hip_right"], :2], axis=0)
+    left = (positions[seen, N["hip_left"], :2] - positions[seen, N["hip_right"], :2]).mean(axis=0)
     return float(np.arctan2(-left[0], left[1]))

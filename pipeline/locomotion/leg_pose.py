@@ -12,8 +12,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 # Degrees; a walking knee peaks at 50 to 75, a running one at 90 to 125.
 KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
 HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
-# Where the bones keep their length, a pose is no tracking error: the joints' own ranges, as of a walker in a
-# crouch.
+# Where the bones keep their length, a pose is not a tracking error: the joints' own ranges, as for a walker
+# in a crouch.
 PRECISE_KNEE_LIMIT, PRECISE_HIP_LIMITS = 150.0, (-60.0, 135.0)
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
 MAX_BONE_DEVIATION = 0.30  # of a leg bone from its median length; beyond it, a tracking error

@@ -18,18 +18,19 @@ from kinemimic.pipeline.locomotion.pass_gait import gait_of_pass
 from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES
 
 OTHER_PATH = "the body's path does not match its steps"
+BACKWARD_IN_PLACE = "they go backward, and the body stays in its place"
 
 
-def why_no_walk(times: Array, passes: NDArray[np.int32], positions: Array) -> str:
-    """Number of regular strides of a capture in which `find_bouts` finds no bout, and why they are no walk.
+def why_no_walk(times: Array, passes: NDArray[np.int32], positions: Array, *, toes: bool = True) -> str:
+    """Number of regular strides of a capture without a bout (`find_bouts`), and why they are not a walk.
 
-    "" if it has fewer than a bout needs. Arguments as of `find_bouts`.
+    "" if it has fewer than a bout needs. Arguments as for `find_bouts`.
     """
     precise = is_precise(positions)
     cycles: defaultdict[str, float] = defaultdict(float)
     for number in np.unique(passes[passes >= 0]).tolist():
         frames = passes == number
-        for reason, count in _reasons(times[frames], positions[frames], precise=precise):
+        for reason, count in _reasons(times[frames], positions[frames], precise=precise, toes=toes):
             cycles[reason] += count
     if not cycles:
         return ""
@@ -38,7 +39,7 @@ def why_no_walk(times: Array, passes: NDArray[np.int32], positions: Array) -> st
     return f"{count:.1f} strides, but no walk: {reason}" if count >= MIN_STRIDES else ""
 
 
-def _reasons(times: Array, positions: Array, *, precise: bool) -> list[tuple[str, float]]:
+def _reasons(times: Array, positions: Array, *, precise: bool, toes: bool) -> list[tuple[str, float]]:
     """Reasons and numbers of the regular strides of one pass: times (T,), positions (T, 20, 3)."""
     gait = gait_of_pass(times, positions)
     if gait is None:
@@ -52,9 +53,11 @@ def _reasons(times: Array, positions: Array, *, precise: bool) -> list[tuple[str
             continue
         inside = slice(*np.searchsorted(gait.phase, (mine[0].start, mine[-1].end)))
         positions, phase = gait.even.positions[inside], gait.phase[inside]
-        feet = foot_odometry(positions, gait.heading[inside], phase, RATE, toes=precise)
+        feet = foot_odometry(positions, gait.heading[inside], phase, RATE, toes=precise and toes)
         edges = np.array([(stride.start, stride.end) for stride in mine])
         apart = disagreements(root[inside], feet, phase, edges, RATE)
-        if choose_path(root[inside], feet, apart, RATE, precise=precise).source == "neither":
-            found.append((OTHER_PATH, sum(stride.cycles for stride in mine)))
+        source = choose_path(root[inside], feet, apart, RATE, precise=precise).source
+        if source == "neither" or (source == "feet" and precise and feet.backward):
+            why = OTHER_PATH if source == "neither" else BACKWARD_IN_PLACE
+            found.append((why, sum(stride.cycles for stride in mine)))
     return found

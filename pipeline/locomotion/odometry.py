@@ -59,7 +59,7 @@ _SMOOTHING = 0.03  # s, of the velocity
 @dataclass(frozen=True)
 class FootOdometry:
     """velocity: (T, 2) m/s of the middle of the hips over the ground, in the axes of the positions; running:
-    whether the gait is running; backward: whether the feet in stance move forward under the body, as of a
+    whether the gait is running; backward: whether the feet in stance move forward under the body, as in a
     person who walks backward; single: (2, T, 2) m/s over the left and over the right foot alone, and weights:
     (2, T) 0 where that foot is not in stance."""
 

@@ -54,7 +54,7 @@ def gait_of_pass(times: Array, positions: Array) -> PassGait | None:
 
 
 def without_standing(gait: PassGait, *, precise: bool) -> tuple[PassGait, list[Stride]]:
-    """The gait with a phase fitted to the walk alone, and its strides. precise: as of `PassGait.strides`."""
+    """The gait with a phase fitted to the walk alone, and its strides. precise: as for `PassGait.strides`."""
     strides = gait.strides(precise=precise)
     walking = [stride for stride in strides if stride.walking]
     if not walking:

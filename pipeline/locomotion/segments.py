@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
+from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
 from kinemimic.pipeline.locomotion.heading import body_heading
 
@@ -42,14 +42,11 @@ class Segment:
     bout: Bout | None = None
 
 
-def find_segments(clip: Clip, positions: Array, bouts: list[Bout] | None = None) -> list[Segment]:
-    """The segments of a clip in order of time; positions: (T, 20, 3) of its frames; bouts: if found
-    already.
-    """
-    found = find_bouts(clip.times, clip.passes, positions) if bouts is None else bouts
+def find_segments(clip: Clip, positions: Array, bouts: list[Bout]) -> list[Segment]:
+    """The segments of a clip in order of time; positions: (T, 20, 3) of its frames; bouts: `find_bouts`'."""
     counts: Counter[str] = Counter()
     named = []
-    for one in [*_by_movement(clip, positions, found), *_labelled(clip)]:
+    for one in [*_by_movement(clip, positions, bouts), *_labelled(clip)]:
         name = one.name
         if one.kind != "label":
             counts[one.kind] += 1
@@ -110,18 +107,17 @@ def _between(
     yield Segment("", kind, number, start, end)
 
 
-def only_segment(clip: Clip, positions: Array, wanted: str) -> Clip:
+def only_segment(clip: Clip, segments: list[Segment], wanted: str) -> Clip:
     """The clip with all frames outside a segment taken out of their passes.
 
-    wanted: the name of a segment, or "START-END" in seconds. KinemimicError if there is no such segment, or a
-    shorter one than `ingest` keeps.
+    segments: of the clip; wanted: the name of one of them, or "START-END" in seconds. KinemimicError if there
+    is no such segment, or a shorter one than `ingest` keeps.
     """
     times = _TIMES.fullmatch(wanted)
     if times is not None:
         start, end = (float(text) for text in times.groups())
         inside = (clip.times >= start) & (clip.times <= end)
     else:
-        segments = find_segments(clip, positions)
         chosen = [one for one in segments if one.name == wanted]
         if not chosen:
             names = ", ".join(f"{one.name} ({one.start:.1f}-{one.end:.1f} s)" for one in segments)

@@ -58,11 +58,26 @@ class Span:
     walking: Mask
 
 
-def span_of(gait: PassGait, up: Array, level: Array, strides: list[Stride], *, precise: bool) -> Span | None:
-    """The span of consecutive strides, None if it is too short; up: (T, 3) and level: (T, 20, 3) of the
-    pass."""
+def span_of(
+    gait: PassGait,
+    up: Array,
+    level: Array,
+    strides: list[Stride],
+    *,
+    between: tuple[float, float],
+    precise: bool,
+    toes: bool,
+) -> Span | None:
+    """The span of consecutive strides, None if it is too short.
+
+    up: (T, 3) and level: (T, 20, 3) of the pass; between: phases at which the group of strides before it ends
+    and the one after it begins, which keep their half of the strides' distance; precise, toes: as for
+    `find_bouts`.
+    """
     # A little more at either end shows the foot strike there as a turning point.
-    clock = slice(*np.searchsorted(gait.phase, (strides[0].start - MARGIN, strides[-1].end + MARGIN)))
+    first, last = strides[0].start, strides[-1].end
+    edges = (max(first - MARGIN, 0.5 * (between[0] + first)), min(last + MARGIN, 0.5 * (last + between[1])))
+    clock = slice(*np.searchsorted(gait.phase, edges))
     inside = np.arange(len(gait.phase))[clock]
     if len(inside) < MIN_FRAMES:
         return None
@@ -70,7 +85,7 @@ def span_of(gait: PassGait, up: Array, level: Array, strides: list[Stride], *, p
     # The stride's own sway of the heading belongs to the pelvis, not to the path.
     phase, heading = _evened(gait.phase[inside], MAX_DRIFT), _evened(gait.heading[inside], MAX_SWAY)
     root = place(level, "hips")
-    feet = foot_odometry(level, heading, phase, RATE, toes=precise)
+    feet = foot_odometry(level, heading, phase, RATE, toes=precise and toes)
     apart = disagreements(root, feet, phase, _judged_spans(strides, phase), RATE)
     whole = np.array([one.cycles > 0.9 for one in strides])
     path = choose_path(root, feet, apart[whole] if whole.any() else apart, RATE, precise=precise)

@@ -1,4 +1,4 @@
-"""Where a walker stands, and the half strides into and out of standing, which are no strides of walking.
+"""Where a walker stands, and the half strides into and out of standing, which are not strides of walking.
 
 While a person stands, the ankles keep their places. In the first and the last half stride of a walk they move
 less far, and the knees bend less, than in all others.
@@ -94,6 +94,16 @@ def kind_of(start: float, end: float, found: Sequence[Transition]) -> str:
     """INTO or OUT_OF if the phases from start to end lie in such a half stride, else ""."""
     inside = (one.kind for one in found if one.start - 1e-9 <= start and end <= one.end + 1e-9)
     return next(inside, "")
+
+
+def is_standing(start: float, end: float, found: Sequence[Transition]) -> bool:
+    """Whether the phases from start to end lie in standing: after a half stride into it, or before one out
+    of it, with no walk between."""
+    before = max((one for one in found if one.end <= start + 1e-9), key=lambda one: one.end, default=None)
+    after = min((one for one in found if one.start >= end - 1e-9), key=lambda one: one.start, default=None)
+    if before is None and after is None:
+        return False
+    return (before is None or before.kind == INTO) and (after is None or after.kind == OUT_OF)
 
 
 def steady_span(start: float, end: float, phase: Array, found: Sequence[Transition]) -> tuple[float, float]:

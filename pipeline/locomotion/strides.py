@@ -16,7 +16,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.fourier import design
 from kinemimic.pipeline.locomotion.heading import along_heading
-from kinemimic.pipeline.locomotion.standing import Transition, kind_of, steady_span
+from kinemimic.pipeline.locomotion.standing import Transition, is_standing, kind_of, steady_span
 
 # Seconds of a stride: from a sprinter to a patient with a stride of 2.1 s at 0.5 m/s.
 PERIODS = (0.45, 3.0)
@@ -113,6 +113,7 @@ def cut_strides(
         leaning = lean[inside][np.isfinite(lean[inside])]
         regular = (
             not transition
+            and not is_standing(start, end, transitions)
             and PERIODS[0] <= period <= PERIODS[1]
             and r2 >= MIN_R2
             and amplitude >= MIN_AMPLITUDE
@@ -145,7 +146,7 @@ def cut_strides(
 def _why_no_walk(*, passing: bool, alternation: float, turn: float, sideways: float, lean: float) -> str:
     """Why a regular stride is not one of walking, "" if it is.
 
-    passing: whether the ankles pass each other; alternation: as of MIN_ALTERNATION; radians: turn of the
+    passing: whether the ankles pass each other; alternation: as for MIN_ALTERNATION; radians: turn of the
     heading, sideways between the line of the feet and the body's front, lean of the trunk.
     """
     if not sideways < MAX_SIDEWAYS:

@@ -2,7 +2,7 @@
 
 A sensor that tilts, or whose floor was not found, shows a walker who leans. Nobody leans to the side over a
 whole stride without falling, so on average the centre of mass is above the feet that carry it. Forward lean
-is no tilt: runners and old people lean.
+is not a tilt: runners and old people lean.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ _RIDGE = 0.3  # strides that speak for up as recorded, where no heading shows th
 
 
 def center_of_mass(positions: Array) -> Array:
-    """Centre of mass (T, 3) of positions (T, 20, 3); segments with a node that was never seen are left
-    out.
+    """Centre of mass (T, 3) of positions (T, 20, 3): in each frame that of the segments whose nodes are seen,
+    NaN without any.
     """
-    total, mass = np.zeros((len(positions), 3)), 0.0
+    total, mass = np.zeros((len(positions), 3)), np.zeros((len(positions), 1))
     for share, start, end in _SEGMENTS:
         middle = 0.5 * (positions[:, N[start]] + positions[:, N[end]])
-        if np.isfinite(middle).all():
-            total += share * middle
-            mass += share
-    return np.asarray(total / mass)
+        seen = np.isfinite(middle).all(axis=1, keepdims=True)
+        total += np.where(seen, share * middle, 0.0)
+        mass += np.where(seen, share, 0.0)
+    return np.asarray(np.divide(total, mass, out=np.full_like(total, np.nan), where=mass > 0.0))
 
 
 def upright_axis(positions: Array, heading: Array, phase: Array, walking: Mask) -> Array:

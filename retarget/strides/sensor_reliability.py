@@ -73,6 +73,8 @@ def assess_reliability(strides: Strides) -> SensorReliability:
     leans = np.arctan2(trunk[:, 0], trunk[:, 2])
     leans = leans[np.isfinite(leans)]
     lean = float(np.median(leans)) if len(leans) else 0.0
+    # A derived foot, at a right angle to the shank, is never tracked.
+    shown = bool((strides.weights[:, [N["foot_left"], N["foot_right"]]] >= 1.0).any(axis=0).all())
     pitches = []
     for side, shift in (("left", 0.0), ("right", 0.5)):
         toe = p[:, N[f"foot_{side}"]] - p[:, N[f"ankle_{side}"]]
@@ -91,7 +93,7 @@ def assess_reliability(strides: Strides) -> SensorReliability:
         precise=precise,
         pelvis=steady["pelvis"],
         torso=steady["torso"],
-        feet=precise and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH),
+        feet=precise and shown and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH),
         lean=lean,
         foot_pitch=(pitches[0], pitches[1]),
         measured=measured,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -79,6 +80,21 @@ def test_spans_of_one_pass_share_its_frames():
     columns = captured_angles(clip, clip, spans, reliability, None)
     assert sorted(columns["time"]) == pytest.approx(clip.times)
     assert columns["used"].sum() == np.isfinite(columns["phase"]).sum() == 25
+
+
+def test_cleaned_angles_are_missing_outside_a_segment():
+    """The cleaned clip holds the segment alone, the recording the whole pass."""
+    raw = standing(40, tilt=0.1, knee_aside=0.0)
+    inside = (raw.times >= 0.3) & (raw.times <= 0.9)
+    clip = replace(raw, passes=np.where(inside, 0, -1).astype(np.int32))
+    seconds = raw.times[inside]
+    span = PassSpan(0, seconds, np.tile([0.0, 0.0, 0.0, 1.0], (len(seconds), 1)), seconds)
+    reliability = SensorReliability(True, True, True, True, 0.0, (0.0, 0.0), {})
+    columns = captured_angles(clip, raw, [span], reliability, None)
+    assert len(columns["time"]) == 40
+    for name in ANGLES:
+        np.testing.assert_array_equal(np.isfinite(columns[f"clean_{name}"]), inside)
+        assert np.isfinite(columns[name]).all()
 
 
 def standing(frames, *, tilt, knee_aside):

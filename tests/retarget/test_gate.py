@@ -57,30 +57,32 @@ def test_a_good_walk_passes():
     assert check_report(GOOD) == ()
 
 
-@pytest.mark.parametrize(
-    ("change", "rule", "severity", "says"),
-    [
-        ({"measures__penetration_m": 0.012}, "penetration", "warn", "ground by 12 mm (limit 10)"),
-        ({"measures__penetration_m": 0.03}, "penetration", "refuse", "ground by 30 mm (limit 25)"),
-        ({"measures__floating_m": 0.02}, "floating", "warn", "floats by 20 mm (limit 15)"),
-        ({"measures__floating_m": 0.05}, "floating", "refuse", "floats by 50 mm (limit 25)"),
-        ({"ground__swing_clearance_m": 0.003}, "clearance", "warn", "by 3.0 mm (limit 5)"),
-        ({"ground__swing_clearance_m": -0.008}, "clearance", "refuse", "by -8.0 mm (limit -5)"),
-        ({"ground__slip_m_s": 0.1}, "slip", "warn", "0.10 m/s (limit 0.05)"),
-        ({"ground__slip_m_s": 0.2}, "slip", "refuse", "0.20 m/s (limit 0.15)"),
-        ({"range_deg__knee_right": [0.0, 40.0]}, "knee", "warn", "flexion of 40° (limit 45°)"),
-        ({"range_deg__knee_right": [0.0, 30.0]}, "knee", "refuse", "flexion of 30° (limit 35°)"),
-        ({"cadence_steps_per_min": 70.0}, "cadence", "warn", "70 steps/min (limit 80)"),
-        ({"cadence_steps_per_min": 170.0}, "cadence", "refuse", "170 steps/min (limit 160)"),
-        ({"r2_loop_against_capture__hip_left": 0.6}, "fit", "warn", "R² 0.60"),
-        ({"r2_loop_against_capture__hip_left": 0.2}, "fit", "refuse", "R² 0.20"),
-        ({"strides_used": 1.4}, "strides", "warn", "1.4 strides"),
-        ({"speed_m_s": 1.32}, "speed", "warn", "8 % off"),
-        ({"speed_m_s": 0.7}, "speed", "refuse", "43 % off"),
-        ({"measures__beyond_limits_deg": {"hip_left": 4.0}}, "limits", "warn", "motion by 4°"),
-        ({"measures__beyond_limits_deg": {"hip_left": 40.0}}, "limits", "refuse", "motion by 40°"),
-    ],
-)
+# Of a report: what is changed, and the rule, its severity and a part of its message that follow.
+FINDINGS = [
+    ({"measures__penetration_m": 0.012}, "penetration", "warn", "ground by 12 mm (limit 10)"),
+    ({"measures__penetration_m": 0.03}, "penetration", "refuse", "ground by 30 mm (limit 25)"),
+    ({"measures__floating_m": 0.02}, "floating", "warn", "floats by 20 mm (limit 15)"),
+    ({"measures__floating_m": 0.05}, "floating", "refuse", "floats by 50 mm (limit 25)"),
+    ({"ground__swing_clearance_m": 0.003}, "clearance", "warn", "by 3.0 mm (limit 5)"),
+    ({"ground__swing_clearance_m": -0.008}, "clearance", "refuse", "by -8.0 mm (limit -5)"),
+    ({"ground__slip_m_s": 0.1}, "slip", "warn", "0.10 m/s (limit 0.05)"),
+    ({"ground__slip_m_s": 0.2}, "slip", "refuse", "0.20 m/s (limit 0.15)"),
+    ({"range_deg__knee_right": [0.0, 40.0]}, "knee", "warn", "flexion of 40° (limit 45°)"),
+    ({"range_deg__knee_right": [0.0, 30.0]}, "knee", "refuse", "flexion of 30° (limit 35°)"),
+    ({"range_deg__knee_left": [0.0, 130.0]}, "knee", "warn", "flexion of a knee of 130° (limit 85°)"),
+    ({"cadence_steps_per_min": 70.0}, "cadence", "warn", "70 steps/min (limit 80)"),
+    ({"cadence_steps_per_min": 170.0}, "cadence", "refuse", "170 steps/min (limit 160)"),
+    ({"r2_loop_against_capture__hip_left": 0.6}, "fit", "warn", "R² 0.60"),
+    ({"r2_loop_against_capture__hip_left": 0.2}, "fit", "refuse", "R² 0.20"),
+    ({"strides_used": 1.4}, "strides", "warn", "1.4 strides"),
+    ({"speed_m_s": 1.32}, "speed", "warn", "8 % off"),
+    ({"speed_m_s": 0.7}, "speed", "refuse", "43 % off"),
+    ({"measures__beyond_limits_deg": {"hip_left": 4.0}}, "limits", "warn", "motion by 4°"),
+    ({"measures__beyond_limits_deg": {"hip_left": 40.0}}, "limits", "refuse", "motion by 40°"),
+]
+
+
+@pytest.mark.parametrize(("change", "rule", "severity", "says"), FINDINGS)
 def test_every_rule_says_its_number_and_limit(change, rule, severity, says):
     (finding,) = check_report(changed(**change))
     assert (finding.rule, finding.severity) == (rule, severity)
@@ -92,11 +94,19 @@ def test_on_the_spot_a_share_of_the_speed_means_nothing(speed):
     assert check_report(changed(speed_m_s=speed, speed_scaled_m_s=-0.2 * speed)) == ()
 
 
+def test_both_knees_bent_far_are_refused():
+    both = {"knee_left": [0.0, 118.0], "knee_right": [0.0, 125.0]}
+    refused, warned = check_report(changed(range_deg=both | {"hip_left": [-20.0, 20.0]}))
+    assert (refused.rule, refused.severity, refused.value) == ("knee", "refuse", 118.0)
+    assert (warned.rule, warned.severity, warned.value) == ("knee", "warn", 125.0)
+
+
+def test_two_strides_are_enough():
+    assert check_report(changed(strides_used=2.0)) == ()
+
+
 def test_every_rule_is_tested():
-    assert {rule.name for rule in RULES} == {
-        "penetration", "floating", "clearance", "slip", "knee", "cadence", "fit", "speed", "strides",
-        "limits",
-    }  # fmt: skip
+    assert {rule.name for rule in RULES} == {rule for _, rule, _, _ in FINDINGS}
 
 
 def test_runs_have_their_own_limits():

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples.motion import walk
 
 from kinemimic.pipeline.gait import parameters as module
-from kinemimic.pipeline.gait.events import FootEvents
-from kinemimic.pipeline.gait.parameters import Gait, Stride, normalised, parameters, summary, symmetry_index
+from kinemimic.pipeline.gait.footprints import footprints
+from kinemimic.pipeline.gait.parameters import (
+    Gait,
+    Stride,
+    measure_gait,
+    normalised,
+    parameters,
+    summary,
+    symmetry_index,
+)
 
 
 def stride(side: str, start: float, end: float, length: float) -> Stride:
@@ -45,20 +54,18 @@ def test_parameters_by_hand() -> None:
 
 
 def test_a_stride_whose_steps_are_not_known_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    times = np.arange(0.0, 3.0, 0.01)
-    none = np.zeros((len(times), 3))
-    feet = FootEvents(
-        times,
-        none,
-        np.stack([none, none], axis=1),
-        np.ones((len(times), 2), dtype=np.bool_),
-        (np.array([0.1, 1.1, 2.1]), np.array([0.6, 1.6])),
-        (np.array([0.7, 1.7]), np.array([0.2, 1.2, 2.2])),
-    )
-    left = np.array([[0.0, 0.0], [1.2, 0.0], [2.4, 0.0]])
-    for last, used in (([1.8, -0.1], 3), ([np.nan, np.nan], 1)):
-        right = np.array([[0.6, -0.1], last])
-        monkeypatch.setattr(module, "footprints", lambda _, right=right: (left, right))
-        strides, unseen = module._strides(0, feet)
-        assert (len(strides), unseen) == (used, 3 - used)
-        assert np.isfinite([one.step_length for one in strides]).all()
+    """Of a strike after which the foot is never shown flat: two strides of its foot, and one of the other."""
+    shown = walk(300)
+    found = [measure_gait(shown.times, np.zeros(300, np.int32), shown.joints)]
+    known = [footprints(feet) for feet in found[0].feet.values()]
+    assert len(known) == 1
+    left, right = known[0]
+    right[3] = np.nan
+    monkeypatch.setattr(module, "footprints", lambda _: (left, right))
+    found.append(measure_gait(shown.times, np.zeros(300, np.int32), shown.joints))
+    every, used = found
+    assert len(used.strides) == len(every.strides) - 3 > 0
+    assert used.left_out == every.left_out + 3
+    lost = {(one.side, one.start) for one in every.strides} - {(one.side, one.start) for one in used.strides}
+    assert sorted(side for side, _ in lost) == ["left", "right", "right"]
+    assert np.isfinite([one.step_length for one in used.strides]).all()

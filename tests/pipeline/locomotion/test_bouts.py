@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples.bouts import bouts_of
+from samples.mirror import MIRROR
 from samples.walker import along, hips, in_place, joined, standing, walker
 
 from kinemimic.pipeline.arrays import Array
@@ -14,7 +15,9 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.pipeline.virtual_kinect.subject import close_loop
 
 
 def mirrored_time(clip: Clip) -> Clip:
@@ -49,8 +52,11 @@ def test_a_walk_has_its_period_speed_and_length(noise: float, heading: float) ->
 
 @pytest.mark.parametrize("name", ["walk", "run"])
 def test_stock_gaits_are_bouts(name: str) -> None:
-    (one,) = bouts_of(on_nodes(read_deepmimic(stock_motion(name))))
-    assert one.running == (name == "run") and one.speed > 0.5
+    """Their speed is that of the closed cycle, the way of the root in a period."""
+    motion = read_deepmimic(stock_motion(name))
+    (one,) = bouts_of(on_nodes(motion))
+    assert one.running == (name == "run")
+    assert one.speed == pytest.approx(close_loop(motion).speed, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -193,3 +199,62 @@ def test_a_curve_is_straightened_in_walking_axes() -> None:
     path = hips(one.positions)[:, 0]
     assert np.ptp(path[:, 0]) == pytest.approx(8.0 * w.speed, rel=0.02)
     assert np.ptp(path[:, 1]) < 0.015 * np.ptp(path[:, 0])
+
+
+def limping_walks() -> Clip:
+    """Two walks of one pass, the first on a curve, with standing between them; the left ankle is lost for a
+    third of a stride."""
+    walk = walker(seconds=6.0, limp=15.0, noise=0.004).clip
+    clip = joined(along(walk, 0.2 * walk.times), standing(walk, 2.0, frame=-1), walk)
+    first, _ = bouts_of(clip)
+    # Within one stride, whether strides are cut at the left foot or half a cycle later at the right one.
+    clip.positions[first.frames[(first.phase > 3.1) & (first.phase < 3.45)], N["ankle_left"]] = np.nan
+    return clip
+
+
+def facts(one: Bout) -> Array:
+    """Of a bout: speed, period, phases and times of its strides, and their turns."""
+    strides = [[s.start, s.end, *s.times, s.turn] for s in one.strides]
+    return np.array([one.speed, one.period, *np.ravel(strides)])
+
+
+def test_the_mirror_image_has_the_same_bouts_with_the_legs_exchanged() -> None:
+    """A phase counts from the left ankle, so it is half a cycle later; turns go the other way."""
+    clip = limping_walks()
+    image = replace(clip, positions=clip.positions[:, MIRROR] * [1.0, -1.0, 1.0])
+    was, found = bouts_of(clip), bouts_of(image)
+    assert len(was) == len(found) == 2
+    for one, mirrored in zip(was, found, strict=True):
+        assert mirrored.speed == pytest.approx(one.speed, rel=0.01)
+        assert mirrored.period == pytest.approx(one.period, rel=0.01)
+        assert np.abs(mirrored.frames[[0, -1]] - one.frames[[0, -1]]).max() <= 2
+        same = np.intersect1d(one.frames, mirrored.frames)
+        phases = [b.phase[np.searchsorted(b.frames, same)] for b in (one, mirrored)]
+        off = np.mod(phases[1] - phases[0], 1.0)
+        np.testing.assert_allclose(off, 0.5, atol=0.02)
+        headings = [b.heading[np.searchsorted(b.frames, same)] for b in (one, mirrored)]
+        np.testing.assert_allclose(np.sin(headings[0] + headings[1]), 0.0, atol=0.02)
+    bad = [
+        [s for one in bouts for s in one.strides if s.walking and not all(s.used)] for bouts in (was, found)
+    ]
+    assert [[s.used for s in strides] for strides in bad] == [[(False, True)], [(True, False)]]
+    lost = clip.times[np.isnan(clip.positions[:, N["ankle_left"], 0])]
+    for ((begin, end),) in ([s.times for s in strides] for strides in bad):
+        assert begin < lost[0] and lost[-1] < end
+
+
+@pytest.mark.parametrize(("later", "shift"), [(0.0, (5.0, -3.0)), (1000.0, (0.0, 0.0))])
+def test_neither_the_origin_of_the_clock_nor_the_place_changes_a_bout(
+    later: float, shift: tuple[float, float]
+) -> None:
+    clip = limping_walks()
+    moved = replace(clip, times=clip.times + later, positions=clip.positions + np.array([*shift, 0.0]))
+    was, found = bouts_of(clip), bouts_of(moved)
+    assert len(was) == len(found) == 2
+    for one, other in zip(was, found, strict=True):
+        np.testing.assert_array_equal(other.frames, one.frames)
+        expected = facts(one)
+        expected[2:].reshape(-1, 5)[:, 2:4] += later
+        np.testing.assert_allclose(facts(other), expected, atol=1e-6)
+        np.testing.assert_allclose(other.positions, one.positions, atol=1e-6)
+        assert [s.used for s in other.strides] == [s.used for s in one.strides]

@@ -39,20 +39,9 @@ def test_frames_without_weight_do_not_count_wherever_they_are() -> None:
     assert found.r2 > 0.99
 
 
-def test_exchanged_legs_are_thrown_out() -> None:
-    times = np.arange(int(6 * RATE)) / RATE
-    given = ankles(times)
-    given[40:50] *= -1.0
-    found = fit_harmonic(times, given)
-    assert found.period == pytest.approx(PERIOD, abs=0.01)
-    wrong = np.abs(given - ankles(times)) > 0.3
-    assert wrong.sum() > 4 and (found.weights[wrong] < 0.01).all()
-    assert found.kept > 0.9
-
-
-def test_a_clock_with_a_hole_of_years_takes_no_room() -> None:
+def test_a_gap_of_years_in_the_clock_keeps_the_period() -> None:
     times = np.concatenate([np.arange(300) / RATE, 1e11 + np.arange(200) / RATE])
-    assert 0.4 < fit_harmonic(times, ankles(times)).period < 2.2
+    assert fit_harmonic(times, ankles(times)).period == pytest.approx(PERIOD, abs=1e-3)
 
 
 def test_harmonic_of_a_cosine_is_exact() -> None:
@@ -73,6 +62,7 @@ def test_the_harmonic_rejects_swapped_legs() -> None:
     assert h.period == pytest.approx(1.13, abs=5e-3)
     # All but the frame where the ankles pass each other are far off.
     assert (h.weights[20:28][np.abs(d[20:28]) > 0.2] == 0).all()
+    assert h.kept > 0.9
 
 
 def test_noise_is_no_harmonic() -> None:
