@@ -40,7 +40,7 @@ WITHOUT_RATE = {
 
 
 @pytest.mark.parametrize("collection", COLLECTIONS, ids=lambda collection: collection.name)
-def test_a_collection_says_what_it_is(collection: Collection) -> None:
+def test_formats_are_known_files_sorted_and_texts_without_full_stop(collection: Collection) -> None:
     known = {format.name for format in formats()}
     assert {entry.format for entry in collection.entries} <= known | {None}
     assert collection.format in known

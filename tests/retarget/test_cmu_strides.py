@@ -30,10 +30,10 @@ def test_strides_agree_with_steps_and_times() -> None:
 @pytest.mark.parametrize(
     "name", [n for n, c in SURE.items() if c["strides"] >= 2 and c["direction"] == "forward"]
 )
-def test_walks_and_runs_are_found_with_four_fifths_of_their_strides(name: str) -> None:
+def test_walks_and_runs_are_found_with_their_strides_to_a_fifth(name: str) -> None:
     by_eye = CLIPS[name]
     bouts = bouts_of(cmu(name))
-    assert sum(one.cycles for one in bouts) >= 0.8 * by_eye["strides"]
+    assert 0.8 * by_eye["strides"] <= sum(one.cycles for one in bouts) <= 1.2 * by_eye["strides"] + 1.0
     # 03_03 and 03_04 turn by more than 60 degrees in half of their strides, which no loop can use.
     assert select_bouts(bouts).strides >= 0.45 * by_eye["strides"]
     assert any(one.running for one in bouts) == (by_eye["activity"] == "run")

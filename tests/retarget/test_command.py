@@ -211,7 +211,7 @@ def test_the_loop_option_needs_a_walk(run):
     clip = read_converted(run)
     still = replace(clip, positions=np.repeat(clip.positions[:1], len(clip.times), axis=0))
     write_converted(run, still)
-    with pytest.raises(KinemimicError, match="expected strides for --loop, found nobody who walks"):
+    with pytest.raises(KinemimicError, match="expected strides for --loop, found no walk of"):
         retarget(run, loop=True)
 
 

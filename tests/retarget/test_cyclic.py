@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples.bouts import bouts_of
+from samples.mirror import MIRROR
 from samples.walker import stand_walk_stand
+from scipy.special import i0e
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -17,8 +19,8 @@ from kinemimic.retarget.cyclic import LEG_HARMONICS, CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.contact import at_lowest_corner, corner_velocity, sole_positions
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.noncyclic import fit_noncyclic
+from kinemimic.retarget.strides.asymmetry import asymmetry_and_noise
 from kinemimic.retarget.strides.excerpt import excerpt_of_pass
-from kinemimic.retarget.strides.loop import MIRROR_NODES
 from kinemimic.retarget.strides.selection import select_bouts
 
 
@@ -77,10 +79,10 @@ def test_heading_does_not_matter(walker):
 
 def test_mirrored_walker_gives_the_mirrored_loop(walker):
     clip = walker(limp=20.0, seconds=4.4).clip
-    image = replace(clip, positions=clip.positions[:, MIRROR_NODES] * [1, -1, 1])
+    image = replace(clip, positions=clip.positions[:, MIRROR] * [1, -1, 1])
     one, other = loop_of(clip, False).motion, loop_of(image, False).motion
     half = len(one.root) // 2
-    expected = np.roll(one.rotations, -half, axis=0)[:, MIRROR_NODES] * [-1, 1, -1, 1]
+    expected = np.roll(one.rotations, -half, axis=0)[:, MIRROR] * [-1, 1, -1, 1]
     assert np.degrees(angle_between(expected, other.rotations)).max() < 0.5
 
 
@@ -185,3 +187,60 @@ def test_noise_averages_the_sides_away_only_where_it_explains_their_difference(w
     assert fit.asymmetry_deg < 2.0 * fit.noise_deg
     assert fit.symmetric == averaged
     assert (fit.asymmetry_deg < fit.asymmetry_limit_deg) == averaged
+
+
+@pytest.mark.parametrize("size", [0.7, 0.9])
+def test_the_size_of_the_person_changes_the_scale_and_nothing_else(walker, size):
+    """A child who moves as an adult has the adult's rotations; all ways are as long on the one body."""
+    adult, child = loop_of(walker(size=1.1).clip), loop_of(walker(size=size).clip)
+    assert child.scale == pytest.approx(1.0 / size, rel=1e-3)
+    assert child.motion.duration == pytest.approx(adult.motion.duration, rel=1e-6)
+    assert np.degrees(angle_between(child.motion.rotations, adult.motion.rotations)).max() < 0.05
+    np.testing.assert_allclose(child.motion.root, adult.motion.root, atol=1e-3)
+    np.testing.assert_allclose(child.motion.cycle_offset, adult.motion.cycle_offset, atol=1e-3)
+
+
+@pytest.mark.parametrize("rate", [30.0, 120.0])
+def test_the_loop_does_not_depend_on_the_rate_of_the_recording(walker, rate):
+    usual, other = loop_of(walker(rate=60.0, seconds=4.4).clip), loop_of(walker(rate=rate, seconds=4.4).clip)
+    assert other.motion.duration == pytest.approx(usual.motion.duration, rel=1e-3)
+    assert len(other.motion.root) == len(usual.motion.root)
+    assert np.degrees(angle_between(other.motion.rotations, usual.motion.rotations)).max() < 0.5
+    assert other.path.speed == pytest.approx(usual.path.speed, rel=0.01)
+
+
+def test_neither_the_place_nor_the_origin_of_the_clock_changes_the_loop(walker):
+    clip = walker(passes=2, limp=10.0).clip
+    moved = replace(clip, times=clip.times + 1000.0, positions=clip.positions + np.array([7.0, -3.0, 0.0]))
+    one, other = loop_of(clip).motion, loop_of(moved).motion
+    assert np.degrees(angle_between(one.rotations, other.rotations)).max() < 1e-4
+    np.testing.assert_allclose(other.root, one.root, atol=1e-6)
+    np.testing.assert_array_equal(other.contacts, one.contacts)
+
+
+@pytest.mark.parametrize("limp", [0.0, 10.0, 20.0])
+def test_the_difference_of_the_sides_is_the_limps(walker, limp):
+    """The rms over a cycle, of the knees and of the hips, which do not limp."""
+    w = walker(limp=limp, seconds=4.4)
+    fit = loop_of(w.clip, False)
+    phase = np.arange(200) / 200.0
+    left, right = w.curves(phase)["knee_left"], w.curves(phase + 0.5)["knee_right"]
+    expected = np.degrees(np.sqrt(np.mean((left - right) ** 2) / 2.0))
+    # By hand: the curve's swing exp((cos x - 1) / 0.36) has the mean square exp(-2 / 0.36) I0(2 / 0.36).
+    assert expected == pytest.approx(limp * np.sqrt(0.5 * i0e(2.0 / 0.36)), abs=1e-6)
+    assert fit.asymmetry_deg == pytest.approx(expected, abs=0.25)
+    # Without noise, the loop differs from the walk only by what its harmonics cannot follow.
+    assert fit.noise_deg < 0.5
+
+
+def test_the_noise_is_the_rms_distance_of_the_captured_angles_from_the_loop(walker):
+    fit = loop_of(walker(limp=10.0).clip, False)
+    shown = joint_angles(fit.loop.rotations(fit.strides.phase))
+    assert asymmetry_and_noise(fit.loop, fit.strides, shown)[1] == pytest.approx(0.0, abs=1e-9)
+    # Knees off by 3 degrees, of which every second frame is missing, and hips by -1.
+    off = {name: curve + np.radians(3.0 if "knee" in name else -1.0) for name, curve in shown.items()}
+    off["knee_left"][::2] = np.nan
+    off["knee_right"][::2] = np.nan
+    rows = np.isfinite(off["knee_left"]).mean()
+    expected = np.sqrt((9.0 * rows + 1.0) / (1.0 + rows))
+    assert asymmetry_and_noise(fit.loop, fit.strides, off)[1] == pytest.approx(expected)

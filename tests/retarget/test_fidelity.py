@@ -46,7 +46,10 @@ def test_a_range_that_a_limit_cuts_is_told_with_both_numbers():
     assert departure_warnings(report()) == []
     cut = {**RANGES, "hip_left": [-29.0, 26.0]}
     (one,) = departure_warnings(report(range_deg=cut))
-    assert one == "the left hip moves through 55° (-29 to 26°), in the capture's strides 64° (-29 to 35°)"
+    assert (
+        one
+        == "the left hip moves through 55° (-29 to 26°) in the motion, but 64° in the capture (-29 to 35°)"
+    )
     both = {**cut, "hip_right": [-29.0, 26.0]}
     (one,) = departure_warnings(report(range_deg=both, symmetric=True))
     assert one.startswith("each hip moves through 55°")
@@ -59,5 +62,5 @@ def test_a_knee_beyond_straight_is_no_range():
 def test_steps_whose_difference_turns_round_are_told_unless_the_sides_were_averaged():
     other = {"left": 0.64, "right": 0.72}
     (one,) = departure_warnings(report(step_m=other))
-    assert one.startswith("steps left and right of 64 and 72 cm, in the capture 70 and 66 cm")
+    assert one.startswith("left and right steps of 64 and 72 cm, but 70 and 66 cm in the capture")
     assert departure_warnings(report(step_m=other, symmetric=True)) == []

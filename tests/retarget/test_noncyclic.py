@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
-from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.retarget.feet.contact import sole_positions
@@ -63,11 +64,38 @@ def test_a_recording_between_frames_is_smooth():
     assert np.abs(np.diff(speed[flight])).max() < 2.5 * np.abs(np.diff(speed[flight])).mean()
 
 
-def test_feet_in_the_air_point_as_recorded():
-    fit = stock("kick")
+def toes(positions: Array, side: str) -> Array:
+    """Unit vectors (T, 3) from the ankle to the toes."""
+    way = positions[:, N[f"foot_{side}"]] - positions[:, N[f"ankle_{side}"]]
+    return np.asarray(way / np.linalg.norm(way, axis=-1, keepdims=True))
+
+
+def recorded_toes(name: str, motion: Motion, side: str) -> tuple[Array, Array]:
+    """Unit vectors (T, 3) at the motion's frames, in the recording's axes, and the ankle's height (T,)."""
+    clip = on_nodes(read_deepmimic(stock_motion(name)))
+    at = clip.times[0] + np.arange(len(motion.root)) / motion.rate
+    way = np.stack([np.interp(at, clip.times, line) for line in toes(clip.positions, side).T], axis=1)
+    height = np.interp(at, clip.times, clip.positions[:, N[f"ankle_{side}"], 2])
+    return way / np.linalg.norm(way, axis=-1, keepdims=True), height
+
+
+@pytest.mark.parametrize(("name", "side"), [("kick", "right"), ("jump", "left"), ("jump", "right")])
+def test_feet_in_the_air_point_as_recorded(name, side):
+    """But for one turn about the vertical (motions begin along +X), and one angle by which a foot that stands
+    is made level."""
+    fit = stock(name)
     assert fit.reliability.precise and fit.reliability.feet
-    clip = on_nodes(read_deepmimic(stock_motion("kick")))
-    assert len(fit.frames) == len(clip.times)
+    found = toes(fit.motion.kinematics()[0], side)
+    recorded, height = recorded_toes(name, fit.motion, side)
+    flight = height > height.min() + 0.1
+    assert flight.sum() > 20
+    # They move: a foot that was kept level would be found out.
+    assert np.ptp(np.degrees(np.arcsin(recorded[flight, 2]))) > 60.0
+    yaw = np.angle(np.sum((found[:, 0] + 1j * found[:, 1]) * (recorded[:, 0] - 1j * recorded[:, 1])))
+    cosine = np.sum(found * rotate(from_axis_angle("Z", yaw), recorded), axis=1)
+    off = np.degrees(np.arccos(np.minimum(cosine, 1.0)))
+    assert off.max() < 20.0
+    assert np.ptp(off[flight]) < 12.0
 
 
 def test_without_toes_contacts_come_from_the_ankles_and_feet_are_flat():
@@ -84,8 +112,15 @@ def test_without_toes_contacts_come_from_the_ankles_and_feet_are_flat():
 
 
 def test_a_pivoting_foot_is_not_in_contact():
-    """A pivoting foot anchored at one heading would rotate the body instead."""
+    """Nor while its ankle is low and still: anchored at one heading, it would rotate the body instead."""
     fit = stock("dance_a")
+    for k, side in enumerate(("left", "right")):
+        way, height = recorded_toes("dance_a", fit.motion, side)
+        speed = np.degrees(np.abs(np.gradient(np.unwrap(np.arctan2(way[:, 1], way[:, 0]))))) * fit.motion.rate
+        pivots = (speed > 300.0) & (height < height.min() + 0.1)
+        assert pivots.sum() > 10
+        assert not fit.motion.contacts[pivots, k].any()
+        assert fit.motion.contacts[:, k].sum() > 10
     motion = refine(fit.motion, fit.seen)
     turned = np.degrees(angle_between(motion.rotations[:, 0], fit.motion.rotations[:, 0]))
     assert turned.max() < 10.0

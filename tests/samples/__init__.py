@@ -8,19 +8,23 @@ These writers are here because only tests need them.
 from __future__ import annotations
 
 import hashlib
-import importlib
+import sys
 from pathlib import Path
 from types import ModuleType
 
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.recognise import _MODULES
+from kinemimic.pipeline.readers.recognise import readers
 
-READERS = tuple(name.rpartition(".")[2] for name in _MODULES)
+
+def reader_modules() -> dict[str, ModuleType]:
+    """Name of a sample -> the reader of its format, in the order in which readers are tried."""
+    modules = [sys.modules[reader.__name__] for reader in readers()]  # type: ignore[attr-defined]
+    return {module.__name__.rpartition(".")[2]: module for module in modules}
 
 
 def reader(name: str) -> ModuleType:
     """The reader whose sample has this name."""
-    return importlib.import_module(f"kinemimic.pipeline.readers.{_MODULES[READERS.index(name)]}")
+    return reader_modules()[name]
 
 
 def source_of(text: str, path: Path) -> Source:

@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, conjugate, multiply
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
 
@@ -63,6 +64,23 @@ def kinect_v2_joints(walk: Walk) -> Array:
         wrist, hand = p[f"wrist_{side}"], p[f"hand_{side}"]
         order += [hand + 0.9 * (hand - wrist), hand + np.array([0.05, 0.0, 0.0])]
     return np.stack([p[joint] if isinstance(joint, str) else joint for joint in order], axis=1)
+
+
+def seen_clip(joints: Array, times: Array | None = None, *, lost: slice = slice(0)) -> Clip:
+    """Joints (T, 20, 3) as a sensor sees them, in one pass, with the rotations that they show.
+
+    times: (T,) seconds, by default those of 30 Hz; lost: frames without the left hand.
+    """
+    places = joints.copy()
+    places[lost, NODE_INDEX["hand_left"]] = np.nan
+    return Clip(
+        skeleton=node_skeleton(),
+        times=np.arange(len(places)) / 30.0 if times is None else times,
+        positions=places,
+        states=np.full(places.shape[:2], 2, dtype=np.uint8),
+        passes=np.zeros(len(places), dtype=np.int32),
+        rotations=node_rotations(places),
+    )
 
 
 @dataclass(frozen=True)

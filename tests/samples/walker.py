@@ -62,9 +62,6 @@ def _phase(t: Array, period: float, vary: float, faster: float, rng: np.random.G
     return np.asarray(CubicSpline(begins, np.arange(len(begins)))(even))
 
 
-MIRROR = [N[name.replace("left", "*").replace("right", "left").replace("*", "right")] for name in NODES]
-
-
 def walker(
     seconds: float = 3.3,
     rate: float = 60.0,

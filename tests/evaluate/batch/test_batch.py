@@ -282,7 +282,7 @@ def test_without_an_accepted_motion_the_status_is_2(
     (line,) = capsys.readouterr().err.splitlines()
     assert "notes.md: expected captures, found none" in line
     assert status("batch", tmp_path / "absent", "--out", tmp_path / "none") == 2
-    assert "absent: expected a capture or a folder of captures, found nothing" in capsys.readouterr().err
+    assert "absent: expected a capture or a folder of captures, found neither" in capsys.readouterr().err
     (tmp_path / "empty").mkdir()
     assert status("batch", tmp_path / "empty", "--out", tmp_path / "none") == 2
     assert "empty: expected captures, found none" in capsys.readouterr().err
@@ -292,8 +292,8 @@ def test_without_an_accepted_motion_the_status_is_2(
     ("files", "rest"),
     [
         (1, ""),
-        (2, "; 1 other file is no capture either"),
-        (3, "; 2 other files are no captures either"),
+        (2, "; 1 other file is not a capture either"),
+        (3, "; 2 other files are not captures either"),
     ],
 )
 def test_the_error_about_no_capture_counts_the_other_files(files: int, rest: str) -> None:

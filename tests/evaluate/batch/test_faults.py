@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from peers.faults import FaultyProcesses
-from peers.killing import finish, kill_after, start
+from peers.killing import finish, kill_after, kill_at, start
 from peers.recordings import write_walk
 
 from kinemimic.evaluate.batch import capture as capture_module
@@ -103,7 +103,7 @@ def test_a_run_folder_that_another_process_holds_stays_as_it_is(
         (row,) = batch([capture], out, executor=InProcess(), overwrite=True)["captures"]
         assert (row["status"], row["reason"]) == (
             "failed",
-            "its run folder is in use by another process; run the batch again when that has ended",
+            "its run folder is in use by another process; run the batch again when that process has ended",
         )
         (row,) = batch([capture], out, executor=Failing(), overwrite=True)["captures"]
         assert row["reason"] == "timed out after 1 s"
@@ -115,23 +115,30 @@ def test_a_run_folder_that_another_process_holds_stays_as_it_is(
     assert batch([capture], out, executor=InProcess())["counts"]["accepted"] == 1
 
 
-def kill_and_compare(folder: Path, moments: int, captures: int) -> None:
+def kill_and_compare(folder: Path, captures: int, rows: int, times: int = 0) -> None:
+    """A batch killed so many times when it has stored a row, then after so many times, some after its end."""
     for k in range(captures):
         write_walk(folder / "in" / f"p{k}_walk.skl", frames=150 + 3 * k)
     straight, killed = folder / "straight", folder / "killed"
-    seconds = finish("batch", folder / "in", "--out", straight, "-j", "1")
-    random = np.random.default_rng(moments)
+    seconds = finish("batch", folder / "in", "--out", straight, "-j", "1").seconds
+    random = np.random.default_rng(captures)
     done: dict[str, int] = {}  # name -> time at which its motion was written
-    for _ in range(moments):
-        kill_after(random.uniform(0.2, 1.0) * seconds, "batch", folder / "in", "--out", killed, "-j", "1")
-        if not (killed / "batch.sqlite").exists():
-            continue
+
+    def check() -> None:
         with BatchState(killed) as state:
             for name in state.rows():
                 time = (killed / name / "motion.json").stat().st_mtime_ns
                 assert done.setdefault(name, time) == time, f"{name} was done twice"
         if (killed / "dataset").exists():
             check_sums(killed)
+
+    for count in range(1, rows + 1):
+        kill_at(1, "batch", folder / "in", "--out", killed, "-j", "1")
+        check()
+        assert len(done) == count < captures
+    for _ in range(times):
+        kill_after(random.uniform(0.2, 1.0) * seconds, "batch", folder / "in", "--out", killed, "-j", "1")
+        check()
     finish("batch", folder / "in", "--out", killed, "-j", "1")
     for name, time in done.items():
         assert (killed / name / "motion.json").stat().st_mtime_ns == time, f"{name} was done twice"
@@ -140,12 +147,12 @@ def kill_and_compare(folder: Path, moments: int, captures: int) -> None:
 
 
 def test_a_killed_batch_goes_on(tmp_path: Path) -> None:
-    kill_and_compare(tmp_path, moments=1, captures=2)
+    kill_and_compare(tmp_path, captures=2, rows=1)
 
 
 @pytest.mark.slow
 def test_a_batch_that_is_killed_at_any_moment_goes_on(tmp_path: Path) -> None:
-    kill_and_compare(tmp_path, moments=20, captures=8)
+    kill_and_compare(tmp_path, captures=8, rows=5, times=15)
 
 
 @pytest.mark.slow

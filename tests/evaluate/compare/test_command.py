@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -185,7 +186,7 @@ def test_results_of_something_else_are_left_alone(
     assert "of the same engine, found another" in elsewhere["failed"]["walk default seed 0"]
     record.write_text(mine)
     earlier = small_comparison(out, run, budgets=(ROUND // 2, ROUND))
-    assert "a training cannot go back" in earlier["failed"]["walk default seed 0"]
+    assert "training cannot go back" in earlier["failed"]["walk default seed 0"]
     write_text(run / "motion.json", motion_to_json(walk))
     with pytest.raises(KinemimicError, match="on the same motions, found another walk"):
         small_comparison(out, run)
@@ -267,27 +268,61 @@ def test_budgets_increase() -> None:
     assert increasing("2e6,1e6,1_000_000") == (1_000_000, 2_000_000)
 
 
+# Trainings of seconds. With BEGUN, a cell that has trained a round of its second budget says so by a file in
+# that folder, and trains on only when it is interrupted.
+HELD = f"""
+import os, sys, time
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from kinemimic.train.config import presets
+from kinemimic.train.runner import training_loop
+small = dict(num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
+presets.PRESETS["default"] = replace(presets.PRESETS["default"], **small)
+begun, deferred, is_complete = os.environ.get("BEGUN"), training_loop.deferred, training_loop.is_complete
+interruptions = []
+
+@contextmanager
+def noted():
+    with deferred() as interruption:
+        interruptions.append(interruption)
+        yield interruption
+
+def held(training, seconds):
+    if begun and training.algorithm.progress.samples > {ROUND}:
+        Path(begun, str(os.getpid())).touch()
+        while not interruptions[-1].asked:
+            time.sleep(0.01)
+    return is_complete(training, seconds)
+
+training_loop.deferred, training_loop.is_complete = noted, held
+if __name__ == "__main__":
+    from kinemimic.pipeline.cli.main import main
+    main(sys.argv[1:])
+"""
+
+
 @pytest.mark.slow
 def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], tmp_path: Path) -> None:
     """The command line itself, its cells in processes of their own, interrupted amid a training."""
-    run, out = fresh("walk"), tmp_path / "out"
-    program = (
-        "import sys; from dataclasses import replace; from kinemimic.train.config import presets\n"
-        "presets.PRESETS['default'] = replace(presets.PRESETS['default'], num_envs=4, horizon=16, "
-        "minibatch=32, epochs=2, hidden=(32, 16))\n"
-        "if __name__ == '__main__':\n"
-        "    from kinemimic.pipeline.cli.main import main\n"
-        "    main(sys.argv[1:])\n"
-    )
+    run, out, begun = fresh("walk"), tmp_path / "out", tmp_path / "begun"
+    begun.mkdir()
     script = tmp_path / "program.py"
-    script.write_text(program)
+    script.write_text(HELD)
     arguments = [sys.executable, str(script), "compare", str(run), "--seeds=2", "--jobs=2"]
     arguments += [f"--budgets={ROUND},{200 * ROUND}", f"--out={out}", "--engine=pybullet", "--json"]
-    cut = subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-    while len(list(out.glob(f"walk/default/seed?/scores-{ROUND}.json"))) < 2:
+    cut = subprocess.Popen(
+        arguments,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "BEGUN": str(begun)},
+    )
+    while len(list(begun.iterdir())) < 2:
         assert cut.poll() is None
         time.sleep(0.05)
-    time.sleep(1.0)
+    assert len(list(out.glob(f"walk/default/seed?/scores-{ROUND}.json"))) == 2
+    assert not list(out.glob(f"walk/default/seed?/scores-{200 * ROUND}.json"))
     cut.send_signal(signal.SIGINT)
     _, error = cut.communicate()
     assert cut.returncode == 130, error

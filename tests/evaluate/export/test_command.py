@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from samples.converted import write_converted
-from samples.motion import rigid_walk
+from samples.motion import rigid_walk, seen_clip
 
 from kinemimic.evaluate.export.both import pair_of_run, require_both
 from kinemimic.evaluate.export.command import WRITERS, command, export, export_run
@@ -27,7 +27,6 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.rotations import (
     angle_between,
@@ -36,7 +35,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     from_rotvec,
     multiply,
 )
-from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.writers.mot import coordinates
@@ -53,13 +52,9 @@ def captured() -> Clip:
     """Two passes of 30 and 60 frames, seen by a sensor at uneven times."""
     shown = rigid_walk(FRAMES, 30.0)
     steps = np.tile([0.032, 0.033, 0.035], FRAMES // 3)
-    return Clip(
-        skeleton=node_skeleton(),
-        times=50.0 + np.cumsum(steps),
-        positions=shown.joints,
-        states=np.full(shown.joints.shape[:2], 2, dtype=np.uint8),
+    return replace(
+        seen_clip(shown.joints, 50.0 + np.cumsum(steps)),
         passes=np.repeat([0, 1], [30, 60]).astype(np.int32),
-        rotations=node_rotations(shown.joints),
         provenance={"source": "walk.skl", "simulated": True},
     )
 

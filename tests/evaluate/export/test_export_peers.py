@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples.motion import rigid_walk, walk
+from samples.motion import rigid_walk, seen_clip, walk
 
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import node_rotations
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.writers.bvh import write_bvh
 from kinemimic.pipeline.writers.mot import coordinates, write_mot
 from kinemimic.pipeline.writers.poses import Poses, poses_of_clip
@@ -50,16 +49,7 @@ def needs(program: str) -> None:
 
 def sensed() -> Clip:
     """The walk as a sensor sees it: bones change their lengths, a hand is missing in three frames."""
-    joints = walk(40).joints
-    joints[5:8, NODE_INDEX["hand_left"]] = np.nan
-    return Clip(
-        skeleton=node_skeleton(),
-        times=np.arange(40) / 30.0,
-        positions=joints,
-        states=np.full(joints.shape[:2], 2, dtype=np.uint8),
-        passes=np.zeros(40, dtype=np.int32),
-        rotations=node_rotations(joints),
-    )
+    return seen_clip(walk(40).joints, lost=slice(5, 8))
 
 
 def rigid() -> Poses:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from kinemimic.evaluate.paper.claim import (
     UNSURE,
     WORSE,
     Best,
+    Claim,
 )
 from kinemimic.evaluate.paper.claims import claims
 from kinemimic.evaluate.paper.plan import AMONG, LONGER, OURS, ROBUST, SCENARIOS
@@ -144,13 +146,25 @@ def _times() -> dict[str, Any]:
     }
 
 
-def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[str, Any]]) -> None:
-    found = {(one.figure, one.what): one for one in claims(comparison, contests, ROOMS, _times())}
+Claims = dict[tuple[str, str], Claim]
+Ours = Callable[[str, str], tuple[float | None, str]]
+KNEES = "fit of the knees, median of 3 walks, in 2 upright to the end"
+HIPS = "fit of the hips, median of 3 walks, in 2 upright to the end"
 
-    def ours(figure: str, what: str) -> tuple[float | None, str]:
-        one = found[figure, what]
-        return one.ours, one.verdict
 
+@pytest.fixture
+def found(comparison: Comparison, contests: list[dict[str, Any]]) -> Claims:
+    """Figure and what it shows -> the claim."""
+    return {(one.figure, one.what): one for one in claims(comparison, contests, ROOMS, _times())}
+
+
+@pytest.fixture
+def ours(found: Claims) -> Ours:
+    """Our value and its verdict, of a figure and what it shows."""
+    return lambda figure, what: (found[figure, what].ours, found[figure, what].verdict)
+
+
+def test_rewards_and_their_convergence_are_computed_by_hand(found: Claims, ours: Ours) -> None:
     # The middle half of .1 .7 .8 .9; of three, the first and last by a quarter.
     assert ours("Fig. 7a", "PPO's maximum reward") == (pytest.approx(75.0), WORSE)
     assert found["Fig. 7a", "PPO's maximum reward"].paper == pytest.approx(92.6)
@@ -164,6 +178,9 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
         None,
         f"{INCOMPARABLE}: fewer samples than in the paper",
     )
+
+
+def test_losses_are_computed_by_hand(ours: Ours) -> None:
     assert ours("Fig. 8b", "PPO's minimum loss") == (0.02, WORSE)
     # Smoothed over three, of 0.48 down: 0.16, 0.3167, 0.4733, 0.47 …; from the third on above 95 %.
     assert ours("Fig. 8a", "PPO's loss converges at") == (
@@ -173,6 +190,9 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     lead = "PPO's minimum loss below {}'s by, after 10 samples"
     assert ours("Fig. 8a", lead.format("DDPG")) == (pytest.approx(0.18), SHORT)
     assert ours("Fig. 8a", lead.format("A2C")) == (pytest.approx(-0.01), NOT_CONFIRMED)
+
+
+def test_drops_and_recoveries_in_scenarios_are_computed_by_hand(found: Claims, ours: Ours) -> None:
     assert ours("Fig. 9a", "PPO's largest drop of reward") == (pytest.approx(10.0), UNSURE)
     assert ours("Fig. 9b", "PPO's drop smaller than A2C's by, in 6 trials") == (pytest.approx(20.0), LARGER)
     assert found["Fig. 9b", "PPO's drop smaller than A2C's by, in 6 trials"].low == pytest.approx(5.0)
@@ -186,21 +206,29 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     never = "confirmed: PPO mostly does not fall"
     assert ours("Fig. 11b", "PPO's reward is 0 later than A2C's by, in 6 trials") == (None, never)
     assert ours("Fig. 11b", "PPO's reward is 0 later than DDPG's by") == (None, no)
+
+
+def test_fits_of_knees_and_hips_are_computed_by_hand(found: Claims, ours: Ours) -> None:
     # 7 of the 27 resamples of three rooms have 0.92 in the middle.
-    knees = "fit of the knees, median of 3 walks, in 2 upright to the end"
-    assert ours("Fig. 12a", knees) == (0.95, BETTER)
-    assert found["Fig. 12a", knees].low == 0.92
-    assert ours("Fig. 12b", "fit of the hips, median of 3 walks, in 2 upright to the end") == (0.9, WORSE)
+    assert ours("Fig. 12a", KNEES) == (0.95, BETTER)
+    assert found["Fig. 12a", KNEES].low == 0.92
+    assert ours("Fig. 12b", HIPS) == (0.9, WORSE)
     assert ours("Fig. 12b", "largest gap at the hip") == (2.0, BETTER)
+
+
+def test_best_shipped_policies_are_computed_by_hand(found: Claims) -> None:
     # Of the policies that ship: the least or most, of those that walk undisturbed.
     best = {what: claim.best for (_, what), claim in found.items() if claim.best}
     assert best.pop("PPO's maximum reward").policy == LONGER
     assert best == {
         "PPO's largest drop of reward": Best(8.0, LONGER),
-        knees: Best(0.98, ROBUST),
-        "fit of the hips, median of 3 walks, in 2 upright to the end": Best(0.98, ROBUST),
+        KNEES: Best(0.98, ROBUST),
+        HIPS: Best(0.98, ROBUST),
         "largest gap at the hip": Best(9.7, LONGER),
     }
+
+
+def test_processing_times_are_computed_by_hand(found: Claims, ours: Ours) -> None:
     # Of the larger networks, the paper's.
     machine = "not comparable: measured on another machine; the paper does not say what it timed"
     assert ours("Tab. 2", "PPO for 2,000 samples") == (30, machine)

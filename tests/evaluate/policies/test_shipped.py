@@ -272,7 +272,7 @@ def test_the_list_shows_trackers_too(with_tracker: ShippedPolicies) -> None:
     write_json(with_tracker.folder / "tracker/scores.json", {"summary": [row]})
     listed = CliRunner().invoke(policies.command, obj=with_tracker)
     assert "tracker: any; 7 samples. Of 4 walks" in listed.output
-    assert "75 % end without a fall from every start phase (R² knee 0.950, hip -)" in listed.output
+    assert "75 % have no fall from any start phase (R² knee 0.950, hip -)" in listed.output
     found = json.loads(CliRunner().invoke(policies.command, ["--json"], obj=with_tracker).output)
     assert found[-1]["unseen_walks"]["motions"] == 4
     write_json(with_tracker.folder / "tracker/scores.json", {"summary": []})

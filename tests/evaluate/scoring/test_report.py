@@ -4,6 +4,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from peers.sections import write_sections
 
 from kinemimic.evaluate.scoring.capture_fit import Capture
 from kinemimic.evaluate.scoring.figures import curves
@@ -12,7 +13,6 @@ from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import inline_svg
-from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.train.config.presets import PRESETS
 
@@ -100,90 +100,33 @@ def test_the_page_is_well_formed_and_self_contained(page, evidence):
     assert text.index("Scores against the reference") > text.index("Stability")
 
 
-def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, page, evidence):
+@pytest.fixture(scope="module")
+def full(evidence: ReportData, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of a real capture, of a run folder with the files of other stages."""
+    run = tmp_path_factory.mktemp("full")
+    write_sections(run)
+    real = replace(evidence, scores=evidence.scores | {"capture": {"simulated": False, "adjustments": None}})
+    return report(ReportInputs.read(run, real.motion), real)
+
+
+def test_sections_depend_on_files(page: str, full: str) -> None:
     _, bare = _check(page)
     assert "Gimbal lock" not in bare and "The capture " not in bare
-    write_json(
-        tmp_path / "gimbal.json",
-        {
-            "frames": 50,
-            "flag_within_deg": 5.0,
-            "flip_beyond_deg": 45.0,
-            "joints": [
-                {
-                    "joint": "RightArm",
-                    "order": "YZX",
-                    "lock_at_deg": [-90, 90],
-                    "nearest_deg": 0.25,
-                    "nearest_frame": 12,
-                    "flagged_frames": [[10, 14], [30, 30]],
-                    "flips": [12],
-                }
-            ],
-        },
-    )
-    joint = {
-        "tracked": 0.9,
-        "inferred": 0.08,
-        "missing": 0.02,
-        "filled": 0.02,
-        "bone_m": None,
-        "bone_cv": None,
-    }
-    write_json(
-        tmp_path / "quality.json",
-        {
-            "schema": 2,
-            "source": "walk.bvh",
-            "format": "BVH",
-            "frames": 50,
-            "frames_in_passes": 48,
-            "complete_frames": 40,
-            "clock": {"rate_hz": 30.0, "step_ms": 33.3, "jitter_ms": 1.5, "longest_step_ms": 40.0},
-            "passes": [
-                {
-                    "pass": 0,
-                    "first_frame": 0,
-                    "last_frame": 47,
-                    "start": 0.0,
-                    "end": 1.6,
-                    "complete_frames": 40,
-                }
-            ],
-            "passes_discarded": 0,
-            "sidecar_files": {},
-            "simulated": False,
-            "units": {"length": "cm", "rule": "given"},
-            "defects": [],
-            "events": [],
-            "processing": [],
-            "notes": ["a <note>"],
-            "joints": {"ankle_left": joint},
-        },
-    )
-    write_json(
-        tmp_path / "gait.json",
-        {
-            "kind": "walk",
-            "cyclic": True,
-            "period_s": 1.2,
-            "strides_used": 7.3,
-            "range_deg": {
-                f"{joint}_{side}": [1.0, 60.0] for joint in ("knee", "hip") for side in ("left", "right")
-            },
-            "warnings": ["short"],
-        },
-    )
-    real = replace(evidence, scores=evidence.scores | {"capture": {"simulated": False, "adjustments": None}})
-    full = report(ReportInputs.read(tmp_path, real.motion), real)
     _, text = _check(full)
-    assert "virtual Kinect" not in text
-    # The same evidence gives the same drawings, byte for byte.
-    assert re.findall("<svg.*?</svg>", full, re.S) == re.findall("<svg.*?</svg>", page, re.S) != []
     assert "RightArm" in text and "10–14, 30" in text
     assert "ankle left" in text and "90.0" in text and "a <note>" in text
     assert "60.0" in text and "short" in text
     assert re.search(r"strides pooled\s+7\.3", text)
+
+
+def test_a_real_capture_has_no_banner(full: str) -> None:
+    _, text = _check(full)
+    assert "virtual Kinect" not in text
+
+
+def test_the_same_evidence_gives_the_same_drawings(page: str, full: str) -> None:
+    """Byte for byte."""
+    assert re.findall("<svg.*?</svg>", full, re.S) == re.findall("<svg.*?</svg>", page, re.S) != []
 
 
 def test_a_noncyclic_rollout_with_a_fall_and_no_capture(tmp_path, performance, walk):

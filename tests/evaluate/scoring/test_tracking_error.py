@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from kinemimic.evaluate.scoring.tracking_error import body_positions, tracking, tracking_errors
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, node_offsets
 
@@ -43,6 +44,25 @@ def test_a_root_off_counts_once_globally_and_for_every_other_joint_locally():
     errors = tracking_errors(simulated, _reference())
     assert errors["mpjpe_g_mm"] == pytest.approx(10.0)
     assert errors["mpjpe_l_mm"] == pytest.approx(140.0)
+
+
+@pytest.mark.parametrize("yaw", [0.01, 0.02])
+def test_a_figure_that_is_turned_about_its_root_has_a_local_error(yaw):
+    """A joint at k / 2 m from the root is displaced by the chord k sin(yaw / 2), whose mean over 15 is 7."""
+    simulated = rotate(from_axis_angle("Z", yaw), _reference())
+    errors = tracking_errors(simulated, _reference())
+    chord = 1000.0 * 7.0 * np.sin(0.5 * yaw)
+    assert [errors["mpjpe_g_mm"], errors["mpjpe_l_mm"]] == pytest.approx([chord, chord])
+    assert [errors["vel_mm"], errors["acc_mm"]] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_a_rigid_motion_of_both_changes_nothing():
+    rng = np.random.default_rng(0)
+    reference = _reference() + np.cumsum(0.01 * rng.standard_normal((FRAMES, 15, 3)), axis=0)
+    simulated = reference + 0.02 * rng.standard_normal(reference.shape)
+    turn, shift = from_rotvec(np.array([0.4, -1.1, 2.0])), np.array([3.0, -2.0, 0.5])
+    moved = tracking_errors(rotate(turn, simulated) + shift, rotate(turn, reference) + shift)
+    assert moved == pytest.approx(tracking_errors(simulated, reference))
 
 
 def test_velocity_and_acceleration_are_differences_per_frame():

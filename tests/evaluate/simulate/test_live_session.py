@@ -71,12 +71,12 @@ def test_words_and_restart(session: LiveSession) -> None:
     for k in range(5):
         session.apply(frame_of(clip.times[k], clip.positions[k]))
         session.advance()
-    assert session.words() == ["frames come: waiting for some with both legs and the trunk"]
+    assert session.words() == ["receiving frames: waiting for frames that show both legs and the trunk"]
     for k in range(5, len(clip.times)):
         session.apply(frame_of(clip.times[k], clip.positions[k]))
         session.advance()
     follows, counts = session.words()
-    assert follows.startswith("**follows the person**, 5")
+    assert follows.startswith("**following the person**, 5")
     assert counts.startswith(f"Kinect v1, z up, in m, {len(clip.times)} frames, 0 late")
     assert counts.endswith("appeared 1 time")
     # A humanoid that is put back begins the next control step on its reference.
@@ -89,5 +89,5 @@ def test_words_and_restart(session: LiveSession) -> None:
     assert session.words()[-1].startswith("refused: 1 (last: expected frames of 20 joints")
     for _ in range(CONTROL_RATE):
         session.advance()
-    assert session.words()[1] == "**no frames for 1 s: stands**"
+    assert session.words()[1] == "**no frames for 1 s: standing**"
     session.close()

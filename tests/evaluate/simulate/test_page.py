@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 import inspect
 import socket
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from peers.panel import Panel
 
 from kinemimic.evaluate.simulate.controls import Choices
 from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING
@@ -21,167 +20,118 @@ from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
 from kinemimic.evaluate.simulate.page import Page
 from kinemimic.pipeline.errors import KinemimicError
 
-viser = pytest.importorskip("viser")
+pytest.importorskip("viser")
 HOLDER, OTHER = 1, 2
 CHOICES = Choices(("mine", "run", "tracker"), ("mine", "run"), (), "mine", "mine", ("tracker",))
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[Page]:
+def served() -> Iterator[Panel]:
     page = Page(18_190, "token", CHOICES)
-    yield page
+    yield Panel(page)
     page.close()
 
 
 @pytest.fixture
-def page(served: Page, monkeypatch: pytest.MonkeyPatch) -> Page:
+def panel(served: Panel) -> Panel:
     """A page of which viewer 1 holds the controls, and which keeps what it says."""
-    while not served.waiting.empty():
-        served.waiting.get()
-    said: list[tuple[int, str]] = []
-
-    def heard(client: int, text: str, *, title: str = "") -> None:
-        said.append((client, title or text))
-
-    monkeypatch.setattr(served, "_say", heard)
-    monkeypatch.setattr(served.controls, "_act", replace(served.controls._act, say=heard))
-    served.said = said  # type: ignore[attr-defined]
-    served._holder, served._pull = HOLDER, None
-    served._notes, served._noticed = {}, {}
-    still = SimpleNamespace(positions=np.zeros((15, 3)), rotations=np.tile([0.0, 0.0, 0.0, 1.0], (15, 1)))
-    served._last = SimpleNamespace(bodies=still)  # type: ignore[assignment]
+    served.reset(HOLDER)
     return served
 
 
-def waiting(page: Page) -> list[Any]:
-    return [page.waiting.get_nowait() for _ in range(page.waiting.qsize())]
-
-
-def inputs(page: Page) -> dict[str, Any]:
-    """The panel's buttons, sliders and lists by their labels."""
-    handles = page._server.gui._gui_input_handle_from_uuid.values()
-    return {str(handle.label): handle for handle in handles if hasattr(handle, "label")}
-
-
-def tell(page: Page, client: int, label: str, value: Any = None) -> None:
-    """What viser does with a click or with a changed value, and then its callbacks."""
-    handle = inputs(page)[label]
-    if value is not None:
-        handle._impl.value = value
-    for callback in handle._impl.update_cb:
-        asyncio.run(callback(SimpleNamespace(client_id=client)))
-
-
-def drag(page: Page, client: int, phase: str, pointer: tuple[float, float, float] = (1.0, 0.0, 1.0)) -> None:
-    event = SimpleNamespace(
-        client_id=client, phase=phase, start_position=(0.0, 0.1, 0.0), end_position=pointer
-    )
-    asyncio.run(page._dragged("torso")(event))
-
-
-def test_viser_runs_every_callback_of_the_panel_in_order(page: Page) -> None:
-    callbacks = [one for handle in inputs(page).values() for one in handle._impl.update_cb]
+def test_viser_runs_every_callback_of_the_panel_in_order(panel: Panel) -> None:
+    callbacks = panel.callbacks()
     assert len(callbacks) > 30
     assert all(map(inspect.iscoroutinefunction, callbacks))
 
 
-def test_a_drag_begins_moves_and_ends(page: Page) -> None:
-    drag(page, HOLDER, "start")
-    drag(page, HOLDER, "update", (2.0, 0.0, 1.0))
-    page._pulled()
-    drag(page, HOLDER, "end")
-    page._pulled()
-    found = waiting(page)
+def test_a_drag_begins_moves_and_ends(panel: Panel) -> None:
+    panel.drag(HOLDER, "start")
+    panel.drag(HOLDER, "update", (2.0, 0.0, 1.0))
+    panel.pulled()
+    panel.drag(HOLDER, "end")
+    panel.pulled()
+    found = panel.waiting()
     assert [type(one) for one in found] == [Drag, Release]
     assert found[0].grab == pytest.approx((0.0, 0.1, 0.0))
     assert found[0].pointer == pytest.approx((2.0, 0.0, 1.0))
 
 
-def test_no_drag_comes_between_the_end_of_a_pull_and_its_release(page: Page) -> None:
-    drag(page, HOLDER, "start")
-    offer, queued = page._offer, list[str]()
-
-    def watched(event: Any) -> None:
-        queued.append(type(event).__name__)
-        assert page._lock.locked()
-        offer(event)
-
-    page._offer = watched  # type: ignore[method-assign]
-    try:
-        page._pulled()
-        drag(page, HOLDER, "end")
-        page._pulled()
-    finally:
-        page._offer = offer  # type: ignore[method-assign]
-    assert queued == ["Drag", "Release"]
+def test_no_drag_comes_between_the_end_of_a_pull_and_its_release(panel: Panel) -> None:
+    panel.drag(HOLDER, "start")
+    with panel.offers() as queued:
+        panel.pulled()
+        panel.drag(HOLDER, "end")
+        panel.pulled()
+    assert queued == [("Drag", True), ("Release", True)]
 
 
-def test_a_viewer_without_the_controls_neither_breaks_a_drag_nor_is_flooded(page: Page) -> None:
-    drag(page, HOLDER, "start")
+def test_a_viewer_without_the_controls_neither_breaks_a_drag_nor_is_flooded(panel: Panel) -> None:
+    panel.drag(HOLDER, "start")
     for phase in ("start", "update", "update", "end"):
-        drag(page, OTHER, phase)
-    tell(page, OTHER, "Restart")
-    page._pulled()
-    assert [type(one) for one in waiting(page)] == [Drag]
-    assert page.said == [(OTHER, "Another viewer holds the controls")]  # type: ignore[attr-defined]
+        panel.drag(OTHER, phase)
+    panel.tell(OTHER, "Restart")
+    panel.pulled()
+    assert [type(one) for one in panel.waiting()] == [Drag]
+    assert panel.said == [(OTHER, "Another viewer holds the controls")]
 
 
-def test_a_drag_of_who_then_takes_the_controls_waits_for_its_next_start(page: Page) -> None:
-    drag(page, OTHER, "start")
-    tell(page, OTHER, "Take control")
-    drag(page, OTHER, "update")
-    page._pulled()
-    assert [type(one) for one in waiting(page)] == [Release]
+def test_a_drag_of_who_then_takes_the_controls_waits_for_its_next_start(panel: Panel) -> None:
+    panel.drag(OTHER, "start")
+    panel.tell(OTHER, "Take control")
+    panel.drag(OTHER, "update")
+    panel.pulled()
+    assert [type(one) for one in panel.waiting()] == [Release]
 
 
-def test_a_viewer_without_the_controls_changes_no_slider(page: Page) -> None:
-    tell(page, HOLDER, "Force, N", 50)
-    tell(page, OTHER, "Force, N", 500)
-    tell(page, OTHER, "Show reference", value=False)
-    tell(page, OTHER, "Weight in the hand, kg", 10.0)
-    assert (inputs(page)["Force, N"].value, page.controls.ghost.value) == (50, True)
-    tell(page, HOLDER, "Forward")
-    tell(page, HOLDER, "Weight in the hand, kg", 2.0)
-    push, carry = waiting(page)
+def test_a_viewer_without_the_controls_changes_no_slider(panel: Panel) -> None:
+    panel.tell(HOLDER, "Force, N", 50)
+    panel.tell(OTHER, "Force, N", 500)
+    panel.tell(OTHER, "Show reference", value=False)
+    panel.tell(OTHER, "Weight in the hand, kg", 10.0)
+    assert (panel.inputs()["Force, N"].value, panel.controls.ghost.value) == (50, True)
+    panel.tell(HOLDER, "Forward")
+    panel.tell(HOLDER, "Weight in the hand, kg", 2.0)
+    push, carry = panel.waiting()
     assert isinstance(push, Push)
     assert push.force == (50.0, 0.0, 0.0)
     assert carry == Carry("hand_left", 2.0)
-    tell(page, HOLDER, "Weight in the hand, kg", 0.0)
+    panel.tell(HOLDER, "Weight in the hand, kg", 0.0)
 
 
-def test_a_checkbox_asks_for_a_picture(page: Page) -> None:
-    tell(page, HOLDER, "Camera follows", value=False)
-    tell(page, HOLDER, "Camera follows", value=True)
-    assert waiting(page) == [("look", ())] * 2
+def test_a_checkbox_asks_for_a_picture(panel: Panel) -> None:
+    panel.tell(HOLDER, "Camera follows", value=False)
+    panel.tell(HOLDER, "Camera follows", value=True)
+    assert panel.waiting() == [("look", ())] * 2
 
 
-def test_a_policy_of_one_motion_says_so_and_sets_the_list_back(page: Page) -> None:
+def test_a_policy_of_one_motion_says_so_and_sets_the_list_back(panel: Panel) -> None:
     for policy, motion, performed, said in (
         ("run", "mine", "run", 1),
         ("tracker", "mine", "mine", 0),
         ("mine", "mine", "mine", 0),
     ):
-        page.said.clear()  # type: ignore[attr-defined]
-        tell(page, HOLDER, "Policy", policy)
-        tell(page, HOLDER, "Motion", motion)
-        tell(page, HOLDER, "Change policy and motion")
-        assert waiting(page) == [("choose", (policy, performed, 1.0))]
-        assert inputs(page)["Motion"].value == performed
-        assert len(page.said) == said  # type: ignore[attr-defined]
+        panel.said.clear()
+        panel.tell(HOLDER, "Policy", policy)
+        panel.tell(HOLDER, "Motion", motion)
+        panel.tell(HOLDER, "Change policy and motion")
+        assert panel.waiting() == [("choose", (policy, performed, 1.0))]
+        assert panel.inputs()["Motion"].value == performed
+        assert len(panel.said) == said
 
 
-def test_viewers_see_who_has_the_controls(page: Page) -> None:
-    page._notes = {client: SimpleNamespace(content="") for client in (HOLDER, OTHER)}
-    page._hold(OTHER)
-    assert page._notes[OTHER].content == "2 viewers; you have the controls"
-    assert page._notes[HOLDER].content == "2 viewers; another viewer has the controls"
-    asyncio.run(page._left(SimpleNamespace(client_id=OTHER)))  # type: ignore[arg-type]
-    assert (page._holder, page._notes[HOLDER].content) == (HOLDER, "")
-    assert [type(one) for one in waiting(page)] == [Release, Release]
+def test_viewers_see_who_has_the_controls(panel: Panel) -> None:
+    panel.connect((HOLDER, OTHER))
+    panel.hold(OTHER)
+    assert panel.note(OTHER) == "2 viewers; you have the controls"
+    assert panel.note(HOLDER) == "2 viewers; another viewer has the controls"
+    panel.leave(OTHER)
+    assert (panel.holder, panel.note(HOLDER)) == (HOLDER, "")
+    assert [type(one) for one in panel.waiting()] == [Release, Release]
 
 
-def test_buttons_say_what_a_click_does_and_curves_begin_again(page: Page) -> None:
-    controls = page.controls
+def test_buttons_say_what_a_click_does_and_curves_begin_again(panel: Panel) -> None:
+    controls = panel.controls
     names = ("knee_left", "hip_left")
 
     def frame(step: int) -> Any:
@@ -191,17 +141,17 @@ def test_buttons_say_what_a_click_does_and_curves_begin_again(page: Page) -> Non
 
     for step in (5, 6, 6):
         controls.take(frame(step))
-    assert [row[0] for row in controls._rows] == pytest.approx([5 / 30, 6 / 30])
+    assert panel.curve_times() == pytest.approx([5 / 30, 6 / 30])
     controls.show(frame(6), f"{RECORDING} here\n\n**a** performs **b**: {PAUSED}, 0 falls")
-    assert (controls._pause.label, controls._recorder.label) == ("Resume", "Stop recording")
+    assert panel.labels() == ("Resume", "Stop recording")
     controls.show(frame(6), "**a** performs **b**: upright, 0 falls")
-    assert (controls._pause.label, controls._recorder.label) == ("Pause", "Record")
+    assert panel.labels() == ("Pause", "Record")
     controls.take(frame(1))
-    assert len(controls._rows) == 1
+    assert len(panel.curve_times()) == 1
 
 
-def test_no_browser_can_ask_for_a_tunnel_to_a_server_elsewhere(page: Page) -> None:
-    handled = {one.__name__ for one in page._server._websock_server._incoming_handlers}
+def test_no_browser_can_ask_for_a_tunnel_to_a_server_elsewhere(panel: Panel) -> None:
+    handled = panel.handled_messages()
     assert "GuiUpdateMessage" in handled
     assert not [name for name in handled if "Share" in name]
 
@@ -223,13 +173,15 @@ def test_what_a_live_capture_does_not_let_choose_has_no_controls() -> None:
     live = Page(
         18_191, "token", Choices(("mine",), ("live",), (), "mine", "live", phases=False, slower=False)
     )
+    panel = Panel(live)
+    panel.reset(HOLDER)
     try:
-        labels = inputs(live).keys()
+        labels = panel.inputs().keys()
         assert {"Pause", "Restart", "Record", "Camera follows", "Friction"} <= labels
         assert not labels & {
             "Policy", "Motion", "Speed of the motion", "Change policy and motion", "Start phase", "Scenario",
             "Trial", "Start the scenario", "Playback speed",
         }  # fmt: skip
-        tell(live, HOLDER, "Pause")
+        panel.tell(HOLDER, "Pause")
     finally:
         live.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import time
@@ -9,9 +10,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peers.killing import check_files, finish, kill_after, start, vanishes, without_clock
+from peers.killing import (
+    check_files,
+    finish,
+    kill_after,
+    kill_at,
+    kill_at_writes,
+    start,
+    vanishes,
+    without_clock,
+)
 
 from kinemimic.evaluate.workflow.run import RUN_STAGES
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE, stage_named
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.run_folder.lock import locked
@@ -20,12 +31,16 @@ from kinemimic.pipeline.run_folder.stage import recovered
 ARGUMENTS = ("--no-refine", "--budget", "2048", "--engine", "pybullet", "--json")
 
 
-def kill_and_compare(folder: Path, moments: int) -> None:
+def kill_and_compare(folder: Path, writes: int, times: int = 0) -> None:
+    """A run killed at so many writes, then after so many times, some of which may be after its end."""
     straight, killed = folder / "straight", folder / "killed"
-    seconds = finish("run", "--run", straight, *ARGUMENTS)
-    random = np.random.default_rng(moments)
-    for _ in range(moments):
-        kill_after(random.uniform(0.1, 1.0) * seconds, "run", "--run", killed, *ARGUMENTS)
+    alone = finish("run", "--run", straight, *ARGUMENTS)
+    random = np.random.default_rng(writes)
+    kill_at_writes(writes, alone.writes, random, "run", "--run", killed, *ARGUMENTS)
+    assert not (killed / "scores.json").exists()
+    check_files(killed)
+    for _ in range(times):
+        kill_after(random.uniform(0.1, 1.0) * alone.seconds, "run", "--run", killed, *ARGUMENTS)
         check_files(killed)
     finish("run", "--run", killed, *ARGUMENTS)
     for stage in RUN_STAGES:
@@ -61,21 +76,26 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-def kill_stages(folder: Path, moments: int) -> None:
+def kill_stages(folder: Path, writes: int, times: int) -> None:
     """Stages of a finished run, killed and repeated: the files of a stage are all old or all new."""
     finished = folder / "finished"
     finish("run", "--run", finished, *ARGUMENTS)
-    random = np.random.default_rng(moments)
+    random = np.random.default_rng(writes)
     for name, options in STAGES.items():
         # Pages show the name of the run folder.
         straight, killed = folder / "straight" / name, folder / "killed" / name
         for copy in (straight, killed):
             shutil.copytree(finished, copy)
         arguments = [name, *([finished / VIRTUAL_CAPTURE] if name == "ingest" else []), *options, "--run"]
-        seconds = finish(*arguments, straight)
+        alone = finish(*arguments, straight)
         before, after = contents(finished), contents(straight)
-        for _ in range(moments):
-            kill_after(random.uniform(0.1, 1.0) * seconds, *arguments, killed)
+        for write in (1, *random.integers(1, alone.writes, writes - 1, endpoint=True)):
+            kill_at(int(write), *arguments, killed)
+            with locked(killed):
+                recovered(killed)
+            assert contents(killed) in ((before,) if write == 1 else (before, after)), name
+        for _ in range(times):
+            kill_after(random.uniform(0.1, 1.0) * alone.seconds, *arguments, killed)
             with locked(killed):
                 recovered(killed)
             assert contents(killed) in (before, after), name
@@ -83,20 +103,48 @@ def kill_stages(folder: Path, moments: int) -> None:
         assert contents(killed) == after, name
 
 
+def is_held(run: Path) -> bool:
+    """Whether another process has the run folder."""
+    try:
+        with locked(run, make=False):
+            return False
+    except KinemimicError as error:
+        return "in use by another kinemimic command" in str(error)
+
+
+def check_refusal(run: Path) -> None:
+    """A run that has the folder and does not move, and another one: the other one is refused."""
+    first = start("run", "--run", run, *ARGUMENTS)
+    try:
+        while not is_held(run):
+            assert first.poll() is None, "it ended before it had the folder"
+            time.sleep(0.05)
+        os.kill(first.pid, signal.SIGSTOP)
+        second = start("run", "--run", run, *ARGUMENTS)
+        _, error = second.communicate()
+        assert second.returncode == 2, error
+        assert "in use by another kinemimic command" in error
+    finally:
+        first.kill()
+        first.communicate()
+    assert vanishes(first.pid)
+
+
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
-    kill_and_compare(tmp_path, moments=1)
+    kill_and_compare(tmp_path, writes=1)
 
 
 @pytest.mark.slow
-def test_stages_killed_at_twenty_moments_leave_all_old_or_all_new_files(tmp_path: Path) -> None:
-    kill_stages(tmp_path, moments=4)
+def test_stages_killed_at_four_moments_each_leave_all_old_or_all_new_files(tmp_path: Path) -> None:
+    kill_stages(tmp_path, writes=3, times=1)
 
 
 @pytest.mark.slow
 def test_of_two_runs_at_once_one_is_refused(tmp_path: Path) -> None:
     """And if the other one is killed, the next run ends as if alone."""
     straight, both = tmp_path / "straight", tmp_path / "both"
-    seconds = finish("run", "--run", straight, *ARGUMENTS)
+    seconds = finish("run", "--run", straight, *ARGUMENTS).seconds
+    check_refusal(both)
     random = np.random.default_rng(2)
     for _ in range(20):
         first = start("run", "--run", both, *ARGUMENTS)
@@ -119,4 +167,4 @@ def test_of_two_runs_at_once_one_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_run_killed_at_twenty_moments_resumes(tmp_path: Path) -> None:
-    kill_and_compare(tmp_path, moments=20)
+    kill_and_compare(tmp_path, writes=5, times=15)

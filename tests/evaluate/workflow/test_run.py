@@ -190,7 +190,7 @@ def test_only_a_tracker_gets_a_balanced_walk(stages: Stages, capture: Path, tmp_
 def test_a_policy_of_one_motion_and_training_options_are_refused(
     stages: Stages, capture: Path, tmp_path: Path
 ) -> None:
-    with pytest.raises(KinemimicError, match=r"for any motion .*, found 'walk', which performs one"):
+    with pytest.raises(KinemimicError, match=r"expected a tracker .*, found 'walk', a policy for one motion"):
         run(capture, tmp_path / "run", policy="walk")
     with pytest.raises(KinemimicError, match="expected no option of `train`, found --budget"):
         run(capture, tmp_path / "run", policy="tracker", options={"train": {"budget": "1M"}})

@@ -131,7 +131,7 @@ def test_noise_shrinks_and_motion_stays() -> None:
     assert np.abs(quiet.values - truth).max() < 2e-3  # little noise: next to nothing is done
 
 
-def test_time_has_no_direction() -> None:
+def test_reversed_time_gives_the_reversed_result() -> None:
     noisy = walk(120) + NOISE * np.random.default_rng(4).standard_normal((120, 2, 3))
     times = clock(120)
     there, back = smoothed(noisy, times), smoothed(noisy[::-1], -times[::-1])
@@ -216,13 +216,18 @@ def test_a_slow_clock_and_values_without_a_spread() -> None:
 
 
 def test_the_cut_off_is_above_the_likelihoods() -> None:
-    """Paths drawn from the model with a cut-off of 5 Hz; reweighting alone finds 5.5 Hz."""
+    """Of paths drawn from the model with a cut-off of 5 Hz the likelihood finds it, and the error; the
+    smoother's is 1.5 times as high, and a little more, since values that lost weight seem smaller errors."""
     rng = np.random.default_rng(11)
     step, frames = 1.0 / 30.0, 2000
     chain = Chain.of(np.arange(frames) * step, one_pass(frames), np.ones(frames, dtype=np.bool_), step)
     bends = NOISE / np.sqrt(chain.stiffness(5.0)) * rng.standard_normal((frames, 4, 3))
     path = np.cumsum(np.cumsum(bends, axis=0), axis=0) + NOISE * rng.standard_normal((frames, 4, 3))
-    assert smoothed(path, np.arange(frames) * step).cutoff.mean() == pytest.approx(1.5 * 5.46, rel=0.02)
+    likely = np.array([chain.likely_cutoff(path[:, joint], np.ones(frames)) for joint in range(4)])
+    assert likely[:, 0] == pytest.approx(5.0, rel=0.04)
+    assert likely[:, 1] == pytest.approx(NOISE, rel=0.04)
+    found = smoothed(path, np.arange(frames) * step).cutoff
+    assert ((found > 1.5 * likely[:, 0]) & (found < 1.7 * likely[:, 0])).all()
 
 
 def test_an_inferred_value_weighs_half_as_much_as_a_tracked_one() -> None:
@@ -241,16 +246,20 @@ def test_an_inferred_value_weighs_half_as_much_as_a_tracked_one() -> None:
     assert shares[1] * neighbours / (1.0 - shares[1]) == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("seed", "burst", "overruled"),
-    [(5, 2, [60, 61]), (0, 4, [])],  # two rounds overrule frame 62 too; a fourth one, of four, frame 64
-)
-def test_three_rounds_of_reweighting(seed: int, burst: int, overruled: list[int]) -> None:
+@pytest.mark.parametrize("seed", range(4))
+def test_two_wild_values_in_a_row_are_overruled_and_four_are_not(seed: int) -> None:
+    """Of 25 cm on a movement of 30 cm: two alone are noise, four that agree may be a movement. Of those, one
+    beside the leap at most is overruled."""
     even = np.arange(150) / 30.0
     truth = 0.3 * np.sin(2 * np.pi * even[:, None, None] + np.arange(3))
-    noisy = truth + NOISE * np.random.default_rng(seed).standard_normal((150, 1, 3))
-    noisy[60 : 60 + burst, 0, 0] += 0.25
-    assert np.flatnonzero(smoothed(noisy, even).overruled[:, 0]).tolist() == overruled
+    noise = NOISE * np.random.default_rng(seed).standard_normal((150, 1, 3))
+    found = {}
+    for burst in (2, 4):
+        noisy = truth + noise
+        noisy[60 : 60 + burst, 0, 0] += 0.25
+        found[burst] = np.flatnonzero(smoothed(noisy, even).overruled[:, 0])
+    assert found[2].tolist() == [60, 61]
+    assert len(set(range(60, 64)) & set(found[4].tolist())) <= 1
 
 
 def test_a_filled_gap_is_not_overruled() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples.mirror import MIRROR
 from samples.motion import walk
 
 from kinemimic.pipeline.arrays import Array
@@ -17,21 +18,30 @@ from kinemimic.pipeline.kinematics.angles import (
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 
+Leg = tuple[float, float, float]
+
 
 def posture(hip: float, knee: float, heading: float = 0.0) -> Array:
     """Nodes (1, 20, 3) of a person who flexes both legs by these angles and looks along `heading`."""
+    return rotate(from_axis_angle("Z", heading), figure((hip, knee, 0.0), (hip, knee, 0.0)))
+
+
+def figure(left: Leg, right: Leg) -> Array:
+    """Nodes (1, 20, 3) of a person along X whose legs are flexed at hip and knee, and then as a whole turned
+    outward about the hip's sagittal axis, by these angles."""
     place = {"hip_center": (0, 0, 1.0), "spine": (0, 0, 1.1), "shoulder_center": (0, 0, 1.5)}
     p = np.zeros((len(NODES), 3))
     for name, xyz in place.items():
         p[NODE_INDEX[name]] = xyz
-    for side, y in (("left", 0.1), ("right", -0.1)):
+    for side, y, (hip, knee, out) in (("left", 0.1, left), ("right", -0.1, right)):
+        aside = from_axis_angle("X", out if y > 0.0 else -out)
         thigh = 0.4 * np.array([np.sin(hip), 0, -np.cos(hip)])
         # The shank turns backward by the knee's flexion from the thigh's direction.
         shank = 0.4 * np.array([np.sin(hip - knee), 0, -np.cos(hip - knee)])
         p[NODE_INDEX[f"hip_{side}"]] = (0, y, 0.95)
-        p[NODE_INDEX[f"knee_{side}"]] = p[NODE_INDEX[f"hip_{side}"]] + thigh
-        p[NODE_INDEX[f"ankle_{side}"]] = p[NODE_INDEX[f"knee_{side}"]] + shank
-    return rotate(from_axis_angle("Z", heading), p)[None]
+        p[NODE_INDEX[f"knee_{side}"]] = p[NODE_INDEX[f"hip_{side}"]] + rotate(aside, thigh)
+        p[NODE_INDEX[f"ankle_{side}"]] = p[NODE_INDEX[f"knee_{side}"]] + rotate(aside, shank)
+    return p[None]
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
@@ -42,6 +52,31 @@ def test_known_posture(hip: float, knee: float, heading: float) -> None:
     for side in ("left", "right"):
         assert np.degrees(curves[f"knee_{side}"][0]) == pytest.approx(knee, abs=1e-6)
         assert np.degrees(curves[f"hip_{side}"][0]) == pytest.approx(hip, abs=1e-9)
+
+
+@pytest.mark.parametrize("out", [-10.0, 0.0, 20.0, 45.0])
+@pytest.mark.parametrize("hip", [-20.0, 0.0, 30.0])
+def test_the_hip_angle_is_that_of_the_thighs_shadow_on_the_sagittal_plane(hip: float, out: float) -> None:
+    """Flexed by f and abducted by a, the thigh points along (sin f, ±cos f sin a, -cos f cos a): in the plane
+    y = 0 it stands at atan(tan f / cos a), 31.57° for 30° and 20°, and 0 for pure abduction."""
+    curves = leg_angles(figure(tuple(np.radians([hip, 40.0, out])), tuple(np.radians([0.0, 5.0, out]))))
+    shadow = np.degrees(np.arctan(np.tan(np.radians(hip)) / np.cos(np.radians(out))))
+    if (hip, out) == (30.0, 20.0):
+        assert shadow == pytest.approx(31.57, abs=0.005)
+    found = {name: float(np.degrees(curve[0])) for name, curve in curves.items()}
+    assert found == pytest.approx(
+        {"knee_left": 40.0, "knee_right": 5.0, "hip_left": shadow, "hip_right": 0.0}, abs=1e-6
+    )
+
+
+def test_the_mirror_image_has_the_curves_of_the_other_side() -> None:
+    shown = figure((0.5, 0.9, 0.35), (-0.2, 0.3, 0.1))
+    image = shown[:, MIRROR] * [1.0, -1.0, 1.0]
+    was, found = leg_angles(shown), leg_angles(image)
+    for joint in ("knee", "hip"):
+        assert abs(was[f"{joint}_left"] - was[f"{joint}_right"])[0] > 0.5
+        np.testing.assert_allclose(found[f"{joint}_left"], was[f"{joint}_right"], atol=1e-12)
+        np.testing.assert_allclose(found[f"{joint}_right"], was[f"{joint}_left"], atol=1e-12)
 
 
 def test_angles_do_not_depend_on_where_the_figure_stands() -> None:

@@ -11,7 +11,6 @@ import pytest
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import world_positions
 from kinemimic.pipeline.kinematics.resample import resample
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, from_axis_angle
 
@@ -94,19 +93,39 @@ def test_short_passes(node_clip: Build, frames: int) -> None:
     assert np.isfinite(even.positions).all()
 
 
-def test_channels_become_rotations_and_bones_keep_their_length(node_clip: Build) -> None:
-    clip = node_clip(60)
-    euler = 0.4 * np.sin(0.2 * np.arange(60)[:, None, None] + np.arange(60).reshape(20, 3))
-    translations = np.tile(np.full((20, 3), 0.1), (60, 1, 1))
-    moving = replace(clip, euler=euler, orders=("YZX",) * 20, translations=translations)
-    even = resample(moving, 50.0)
+def test_channels_become_the_turns_and_places_of_their_curves(node_clip: Build) -> None:
+    """Each joint turns evenly about Y, the first of its axes: the nodes move on circles about their parents,
+    between the frames too."""
+
+    def places(times: Array) -> Array:
+        """The root moves along a line. All joints have the same turn about Y, so a bone (0.1, 0.1, 0.1) m
+        below d joints has turned by d times its angle.
+        """
+        found = np.zeros((len(times), 20, 3))
+        found[:, 0] = 0.1 + times[:, None] * [1.0, 0.5, 0.0]
+        depth = np.zeros(20)
+        for node, parent in enumerate(clip.skeleton.parents):
+            if parent < 0:
+                continue
+            depth[node] = depth[parent] + 1
+            angle = depth[node] * 1.5 * times
+            cos, sin = np.cos(angle), np.sin(angle)
+            found[:, node] = found[:, parent] + 0.1 * np.stack(
+                [cos + sin, np.ones_like(cos), cos - sin], axis=1
+            )
+        return found
+
+    clip = node_clip(60, times=uneven(60))
+    euler = np.zeros((60, 20, 3))
+    euler[..., 0] = 1.5 * clip.times[:, None]
+    translations = np.full((60, 20, 3), 0.1)
+    translations[:, 0] += clip.times[:, None] * [1.0, 0.5, 0.0]
+    even = resample(replace(clip, euler=euler, orders=("YZX",) * 20, translations=translations), 50.0)
     assert even.euler is None and even.orders is None
-    assert even.rotations is not None and even.translations is not None
-    expected = world_positions(even.skeleton, even.translations, even.rotations, even.world_from_file)
-    assert np.array_equal(even.positions, expected)
-    parents = np.array(even.skeleton.parents[1:])
-    bones = np.linalg.norm(even.positions[:, 1:] - even.positions[:, parents], axis=-1)
-    assert np.allclose(bones, np.sqrt(0.03))
+    assert even.rotations is not None
+    expected_turns = from_axis_angle("Y", 1.5 * even.times[:, None] * np.ones(20))
+    assert angle_between(even.rotations, expected_turns).max() < 1e-7
+    np.testing.assert_allclose(even.positions, places(even.times), atol=1e-9)
 
 
 def test_what_cannot_be_is_refused(node_clip: Build) -> None:

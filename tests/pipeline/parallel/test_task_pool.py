@@ -9,6 +9,7 @@ import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
@@ -134,9 +135,23 @@ class Answers:
 
 
 def test_a_result_that_came_while_the_caller_was_busy_is_no_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
     monkeypatch.setattr(task_pool, "Worker", Answers)
-    outcomes = task_pool._outcomes(str, ["quick", "slower"], 2, timeout=0.2)
+    monkeypatch.setattr(task_pool, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    outcomes = isolated_map(str, ["quick", "slower"], workers=2, timeout=20.0)
     assert next(outcomes) == (0, "first")
     Answers.of["slower"].answers.send("second")
-    time.sleep(0.3)
+    now[0] = 30.0
     assert next(outcomes) == (1, "second")
+
+
+def test_a_result_that_has_not_come_when_the_time_is_over_is_a_timeout(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(task_pool, "Worker", Answers)
+    monkeypatch.setattr(task_pool, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    outcomes = isolated_map(str, ["quick", "slower"], workers=2, timeout=20.0)
+    assert next(outcomes) == (0, "first")
+    now[0] = 30.0
+    assert next(outcomes) == (1, Failure("timed out after 20 s"))

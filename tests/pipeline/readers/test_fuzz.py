@@ -39,8 +39,10 @@ NO_FORMATS = {
     "corpus",
     "depth_scene",
     "described_euler",
+    "mirror",
     "motion",
     "mutate",
+    "noiseless",
     "walker",
 }
 FORMATS = sorted(name for _, name, _ in pkgutil.iter_modules(samples.__path__) if name not in NO_FORMATS)

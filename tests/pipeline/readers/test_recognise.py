@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import samples
-from samples import READERS, andersson, asf_amc, kimore, nui_skl, treadmill
+from samples import andersson, asf_amc, kimore, nui_skl, reader_modules, treadmill
 from samples import bvh as bvh_sample
 
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
@@ -123,7 +123,7 @@ def test_files_that_are_not_captures(tmp_path: Path, content: bytes, found: str)
         recognise.read(tmp_path / "file")
 
 
-@pytest.mark.parametrize("name", [name for name in READERS if is_json(name)])
+@pytest.mark.parametrize("name", [name for name in reader_modules() if is_json(name)])
 def test_json_without_line_breaks_is_recognised(tmp_path: Path, name: str) -> None:
     ((file, content), *_) = importlib.import_module(f"samples.{name}").files(12).items()
     (tmp_path / file).write_text(json.dumps(json.loads(content)))
@@ -220,7 +220,7 @@ def test_what_is_not_read_and_what_to_do_about_it(tmp_path: Path, content: bytes
 def test_a_table_under_an_unknown_header_is_not_said_to_have_none(tmp_path: Path) -> None:
     rows = "\n".join(",".join("1.5" for _ in range(7)) for _ in range(30))
     (tmp_path / "file").write_text("frame,LASI_X,LASI_Y,LASI_Z,RASI_X,RASI_Y,RASI_Z\n" + rows)
-    with pytest.raises(CaptureError, match="a table of 7 numbers per line under a header of no known format"):
+    with pytest.raises(CaptureError, match="a table of 7 numbers per line under an unknown header"):
         recognise.read(tmp_path / "file")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import samples
-from samples import READERS
+from samples import reader_modules
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers import recognise
@@ -45,10 +45,10 @@ def named_anew(name: str, folder: Path) -> Path:
 
 
 def test_every_reader_has_a_sample() -> None:
-    assert [name for name in READERS if importlib.util.find_spec(f"samples.{name}") is None] == []
+    assert [name for name in reader_modules() if importlib.util.find_spec(f"samples.{name}") is None] == []
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", reader_modules())
 def test_renamed(name: str, tmp_path: Path) -> None:
     clip = recognise.read(named_anew(name, tmp_path))
     assert clip.provenance["format"] == format_of(name)
@@ -62,7 +62,7 @@ def test_half_of_a_pair_whose_name_does_not_lead_to_the_other(tmp_path: Path) ->
         recognise.read(tmp_path / "x.dat")
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", reader_modules())
 def test_without_its_header(name: str, tmp_path: Path) -> None:
     path = named_anew(name, tmp_path)
     source = Source.open(path)

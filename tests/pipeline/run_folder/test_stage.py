@@ -168,7 +168,7 @@ def test_what_was_made_from_a_file_replaced_by_hand_is_refused(run: Path) -> Non
     ]
     (run / "run.json").write_text(json.dumps(record))
     with (
-        pytest.raises(KinemimicError, match=r"policy.*expected to be made from motion\.json beside it"),
+        pytest.raises(KinemimicError, match=r"policy.*expected a file made from the present motion\.json"),
         stage(run, "pushes"),
     ):
         pass
@@ -199,41 +199,44 @@ def test_an_earlier_record_counts_as_empty(run: Path) -> None:
     assert read_run_record(run).stages == {}
 
 
-class TestUpToDate:
-    def test_after_the_same_options_only(self, run: Path) -> None:
-        assert not up_to_date(run, "train", sources={}, options={})  # not run by `run`
-        state_options(run, "train", {"seed": 1})
-        assert up_to_date(run, "train", sources={}, options={"seed": 1})
-        assert not up_to_date(run, "train", sources={}, options={})
+def test_a_stage_is_up_to_date_after_the_same_options_only(run: Path) -> None:
+    assert not up_to_date(run, "train", sources={}, options={})  # not run by `run`
+    state_options(run, "train", {"seed": 1})
+    assert up_to_date(run, "train", sources={}, options={"seed": 1})
+    assert not up_to_date(run, "train", sources={}, options={})
 
-    @pytest.mark.parametrize("name", ["motion.json", "policy.json"])
-    @pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_text("edited")])
-    def test_not_with_another_input_or_output(self, run: Path, name: str, damage: object) -> None:
-        state_options(run, "train", {})
-        assert callable(damage)
-        damage(run / name)
-        assert not up_to_date(run, "train", sources={}, options={})
 
-    def test_not_with_another_source(self, run: Path, tmp_path: Path) -> None:
-        capture = tmp_path / "walk.bvh"
-        capture.write_text("a walk")
-        with stage(run, "ingest", sources={"walk.bvh": capture}) as out:
-            (out / "clip.parquet").write_text("one")
-        state_options(run, "ingest", {})
-        assert up_to_date(run, "ingest", sources={"walk.bvh": capture}, options={})
-        capture.write_text("another")
-        assert not up_to_date(run, "ingest", sources={"walk.bvh": capture}, options={})
+@pytest.mark.parametrize("name", ["motion.json", "policy.json"])
+@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_text("edited")])
+def test_a_stage_is_not_up_to_date_with_another_input_or_output(run: Path, name: str, damage: object) -> None:
+    state_options(run, "train", {})
+    assert callable(damage)
+    damage(run / name)
+    assert not up_to_date(run, "train", sources={}, options={})
 
-    def test_not_after_another_version(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        state_options(run, "train", {})
-        monkeypatch.setattr(module, "versions", lambda: {"kinemimic": "99"})
-        assert not up_to_date(run, "train", sources={}, options={})
 
-    def test_not_while_unfinished(self, run: Path) -> None:
-        with stage(run, "train", unfinished=True) as out:
-            (out / "policy.json").write_text("so far")
-        state_options(run, "train", {})
-        assert not up_to_date(run, "train", sources={}, options={})
+def test_a_stage_is_not_up_to_date_with_another_source(run: Path, tmp_path: Path) -> None:
+    capture = tmp_path / "walk.bvh"
+    capture.write_text("a walk")
+    with stage(run, "ingest", sources={"walk.bvh": capture}) as out:
+        (out / "clip.parquet").write_text("one")
+    state_options(run, "ingest", {})
+    assert up_to_date(run, "ingest", sources={"walk.bvh": capture}, options={})
+    capture.write_text("another")
+    assert not up_to_date(run, "ingest", sources={"walk.bvh": capture}, options={})
+
+
+def test_a_stage_is_not_up_to_date_after_another_version(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state_options(run, "train", {})
+    monkeypatch.setattr(module, "versions", lambda: {"kinemimic": "99"})
+    assert not up_to_date(run, "train", sources={}, options={})
+
+
+def test_a_stage_is_not_up_to_date_while_unfinished(run: Path) -> None:
+    with stage(run, "train", unfinished=True) as out:
+        (out / "policy.json").write_text("so far")
+    state_options(run, "train", {})
+    assert not up_to_date(run, "train", sources={}, options={})
 
 
 HOLD = """

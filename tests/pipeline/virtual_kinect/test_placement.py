@@ -7,34 +7,21 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from samples.noiseless import NOISELESS
 
 from kinemimic.pipeline.files.sidecars import truth_path
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.recognise import read
-from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels
 from kinemimic.pipeline.virtual_kinect.placement import PLACEMENTS
 from kinemimic.pipeline.virtual_kinect.recorder import RADIUS, record_virtual
-
-PERFECT = NoiseLevels(
-    white=0.0,
-    bias=0.0,
-    hip_width=1.0,
-    hip_yaw=0.0,
-    foot_drop=0.0,
-    flicker=0.0,
-    inferred=0.0,
-    lost=0.0,
-    swap=0.0,
-    edge=0.0,
-)
 
 
 @pytest.fixture(scope="module", params=list(PLACEMENTS))
 def recorded(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     folder = tmp_path_factory.mktemp(request.param)
-    return request.param, record_virtual(folder, sensor=request.param, levels=PERFECT).skl
+    return request.param, record_virtual(folder, sensor=request.param, levels=NOISELESS).skl
 
 
 def test_joint_angles_do_not_depend_on_the_sensor(recorded: tuple[str, Path]) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from samples.noiseless import NOISELESS
 
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.files.sidecars import note_path, read_note, truth_path
@@ -23,17 +25,8 @@ from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels
 from kinemimic.pipeline.virtual_kinect.recorder import Recording, record_virtual
 
 FORMS = ("skl", "euler")
-PERFECT = NoiseLevels(
-    white=0.0,
-    bias=0.0,
-    hip_width=1.0,
-    hip_yaw=0.0,
-    flicker=0.0,
-    inferred=0.0,
-    lost=0.0,
-    swap=0.0,
-    edge=0.0,
-)
+# But for the feet, whose direction reaches no angle.
+PERFECT = replace(NOISELESS, foot_drop=NoiseLevels().foot_drop)
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bvh import Bvh
-from samples.motion import rigid_walk, walk
+from samples.motion import rigid_walk, seen_clip, walk
 from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import node_rotations
-from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton, node_skeleton
+from kinemimic.pipeline.kinematics.rotations import (
+    angle_between,
+    from_axis_angle,
+    from_rotvec,
+    multiply,
+)
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.writers.bvh import write_bvh
@@ -37,16 +41,7 @@ POSES = Poses.rigid(SHOWN.skeleton, 60.0, SHOWN.root, SHOWN.rotations)
 
 def seen() -> Clip:
     """The walk as a sensor sees it, with a hand that is missing in three frames."""
-    joints = walk(40).joints
-    joints[5:8, NODE_INDEX["hand_left"]] = np.nan
-    return Clip(
-        skeleton=node_skeleton(),
-        times=100.0 + np.arange(40) / 30.0,
-        positions=joints,
-        states=np.full(joints.shape[:2], 2, dtype=np.uint8),
-        passes=np.zeros(40, dtype=np.int32),
-        rotations=node_rotations(joints),
-    )
+    return seen_clip(walk(40).joints, 100.0 + np.arange(40) / 30.0, lost=slice(5, 8))
 
 
 def parsed(path: Path) -> dict[str, Array]:
@@ -80,6 +75,37 @@ def test_bvh_by_a_third_partys_parser(tmp_path: Path, order: str) -> None:
     assert set(found) == set(NODES)
     for node, places in found.items():
         np.testing.assert_allclose(places, SHOWN.joints[:, NODE_INDEX[node]], atol=1e-6)
+
+
+@pytest.mark.parametrize("order", ["YZX", "ZXY", "XYZ"])
+@pytest.mark.parametrize("angle", [-0.5 * np.pi, 0.5 * np.pi])
+def test_bvh_at_gimbal_lock_has_its_joints_where_they_were(tmp_path: Path, order: str, angle: float) -> None:
+    """The middle angle of two joints is ±90° while the first angle goes through 80°."""
+    axis = {"X": "Y", "Y": "Z", "Z": "X"}  # of the file in ours
+    first, middle = from_axis_angle(axis[order[0]], np.linspace(-0.7, 0.7, 9)), axis[order[1]]
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (9, len(NODES), 1))
+    for node in ("hip_center", "shoulder_left"):
+        rotations[:, NODE_INDEX[node]] = multiply(first, from_axis_angle(middle, angle))
+    poses = Poses.rigid(SHOWN.skeleton, 60.0, SHOWN.root[:9], rotations)
+    write_bvh(tmp_path / "locked.bvh", poses, order=order)
+    for node, places in parsed(tmp_path / "locked.bvh").items():
+        np.testing.assert_allclose(places, poses.kinematics()[0][:, NODE_INDEX[node]], atol=1e-6)
+
+
+def test_bvh_of_a_turn_of_540_degrees_is_that_turn_in_every_frame(tmp_path: Path) -> None:
+    """Its angles are principal values, at most 180°; the turn that they give is the same."""
+    turn = from_axis_angle("Z", np.linspace(0.0, 3.0 * np.pi, 37))
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (37, len(NODES), 1))
+    rotations[:, 0] = turn
+    poses = Poses.rigid(SHOWN.skeleton, 60.0, SHOWN.root[:37], rotations)
+    write_bvh(tmp_path / "turn.bvh", poses)
+    channels = np.array(Bvh((tmp_path / "turn.bvh").read_text()).frames_joint_channels(
+        "hip_center", ["Yrotation", "Zrotation", "Xrotation"]
+    ))  # fmt: skip
+    assert np.abs(channels).max() <= 180.0
+    steps = np.mod(np.diff(channels[:, 0]) + 180.0, 360.0) - 180.0
+    np.testing.assert_allclose(steps, 15.0, atol=1e-5)
+    np.testing.assert_allclose(channels[:, 1:], 0.0, atol=1e-5)
 
 
 def test_bvh_of_a_capture_has_its_joints_where_they_were_seen(tmp_path: Path) -> None:
@@ -124,6 +150,7 @@ def test_trc_comes_back_with_its_gaps(tmp_path: Path) -> None:
     text = (tmp_path / "seen.trc").read_text().split("\n")
     header = dict(zip(text[1].split("\t"), text[2].split("\t"), strict=True))
     assert (header["NumFrames"], header["NumMarkers"], header["Units"]) == ("40", "20", "mm")
+    assert {header[name] for name in ("DataRate", "CameraRate", "OrigDataRate")} == {"30"}
     assert len(text[3].split("\t")) == len(text[6].split("\t")) == 2 + 3 * 20
     back = read(tmp_path / "seen.trc")
     index = [back.skeleton.index(node) for node in NODES]
@@ -140,6 +167,7 @@ def test_mot_comes_back_with_equal_knees_and_hips(tmp_path: Path) -> None:
     write_mot(tmp_path / "walk.mot", POSES)
     back = read(tmp_path / "walk.mot")
     assert back.angles is not None and back.rotations is None
+    np.testing.assert_allclose(back.times, np.arange(40) / 60.0, atol=1e-6)
     table = coordinates(POSES)
     for side in ("left", "right"):
         np.testing.assert_allclose(
@@ -177,7 +205,7 @@ def bone(positions: Array, names: tuple[str, ...], start: str, end: str) -> Arra
     [
         ("knee_right", "Y", 0.5, "knee_angle_r", -0.5),
         ("knee_right", "Y", -0.1, "knee_angle_r", 0.1),
-        ("knee_right", "Y", -0.5, "knee_angle_r", -0.5),  # no knee bends to the front so far
+        ("knee_right", "Y", -0.5, "knee_angle_r", -0.5),  # no knee bends forward so far
         ("hip_left", "Y", -0.4, "hip_flexion_l", 0.4),
         ("hip_left", "X", 0.3, "hip_adduction_l", -0.3),
         ("hip_right", "X", 0.3, "hip_adduction_r", 0.3),
@@ -197,6 +225,22 @@ def test_signs_of_opensims_coordinates(
     np.testing.assert_allclose(np.radians(found[coordinate]), expected, atol=1e-9)
     others = [name for name in found if name != coordinate and not name.startswith("pelvis_t")]
     np.testing.assert_allclose([found[name] for name in others if name != "pelvis_tilt"], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_pelvis_that_turns_by_540_degrees_has_a_continuous_pelvis_rotation(way: float) -> None:
+    """Also while it leans, so that all three of its angles change."""
+    turn = way * np.linspace(0.0, 3.0 * np.pi, 60)
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (60, 20, 1))
+    for lean in (0.0, 0.3):
+        leant = from_rotvec(np.array([0.5 * lean, lean, 0.0]))
+        rotations[:, NODE_INDEX["hip_center"]] = multiply(from_axis_angle("Z", turn), leant)
+        found = coordinates(Poses.rigid(SHOWN.skeleton, 30.0, np.zeros((60, 3)), rotations))
+        yaw = found["pelvis_rotation"]
+        assert yaw[-1] - yaw[0] == pytest.approx(way * 540.0, abs=1e-6)
+        assert np.abs(np.diff(yaw)).max() < 20.0
+        if not lean:
+            np.testing.assert_allclose(yaw, np.degrees(turn), atol=1e-6)
 
 
 def test_npz_comes_back_and_is_the_same_every_time(tmp_path: Path) -> None:

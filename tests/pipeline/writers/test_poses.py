@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples.motion import RigidWalk, rigid_walk, walk
+from samples.motion import RigidWalk, rigid_walk, seen_clip, walk
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import angle_between
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.writers.poses import Poses, poses_of_clip
 
 SHOWN = rigid_walk(60, 60.0)
@@ -24,15 +23,7 @@ def of_rotations(shown: RigidWalk = SHOWN) -> Clip:
 
 def of_positions(frames: int = 60) -> Clip:
     """What a sensor sees: joints whose distances change."""
-    joints = walk(frames).joints
-    return Clip(
-        skeleton=node_skeleton(),
-        times=np.arange(frames) / 30.0,
-        positions=joints,
-        states=np.full(joints.shape[:2], 2, dtype=np.uint8),
-        passes=np.zeros(frames, dtype=np.int32),
-        rotations=node_rotations(joints),
-    )
+    return seen_clip(walk(frames).joints)
 
 
 def test_a_rigid_skeleton_comes_back_with_its_offsets() -> None:

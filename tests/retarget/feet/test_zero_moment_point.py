@@ -4,18 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.trackers import shipped_motion
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.gravity import GRAVITY
-from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.feet.zero_moment_point import LARGEST, balanced, zero_moment_point
-from kinemimic.retarget.formats.motion_json import read_motion_json
-from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
+from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_NODES, STANDING_HEIGHT, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.refine import refine
 
@@ -52,7 +51,7 @@ def swaying(walk: Motion, metres: float) -> Motion:
 
 @pytest.fixture(scope="module")
 def walk() -> Motion:
-    return read_motion_json(DATASETS / "policies/walk/motion.json")
+    return shipped_motion("walk")
 
 
 def test_at_rest_it_is_below_the_centre_of_mass() -> None:
@@ -79,6 +78,37 @@ def test_a_rising_body_does_not_move_it() -> None:
     path[:, 2] = 0.03 * np.cos(2.0 * np.pi * PHASE)
     motion = rigid(path)
     np.testing.assert_allclose(zero_moment_point(motion), zero_moment_point(rigid(0.0 * path)), atol=1e-6)
+
+
+@pytest.mark.parametrize(("axis", "moved", "sign"), [("Y", 0, -1.0), ("X", 1, 1.0)])
+def test_a_body_that_turns_about_its_centre_of_mass_moves_it_by_its_angular_momentum(
+    axis: str, moved: int, sign: float
+) -> None:
+    """By hand: the weight m g at a distance d from the centre of mass turns the body, I θ'' = -m g d about Y
+    for a d along X, and I θ'' = m g d about X for a d along Y.
+
+    I: of boxes (m/12 of the squared sides) and ellipsoids (m/20), with their m r² about the common centre.
+    """
+    amplitude, omega = 0.05, 2.0 * np.pi / PERIOD
+    still = rigid(np.zeros((FRAMES, 3)))
+    positions, frames = still.kinematics()
+    centre = centre_of_mass(positions, frames)[0]
+    theta = amplitude * np.sin(omega * PERIOD * PHASE)
+    turn = from_axis_angle(axis, theta)
+    rotations = still.rotations.copy()
+    rotations[:, 0] = turn
+    turning = replace(still, root=centre + rotate(turn, still.root - centre), rotations=rotations)
+
+    across = [0, 2] if axis == "Y" else [1, 2]
+    inertia = 0.0
+    for body, place in zip(BODIES, positions[0, BODY_NODES] + BODY_CENTERS, strict=True):
+        sides = np.square([body.size[k] for k in across]).sum() / (12.0 if body.shape == "box" else 20.0)
+        inertia += body.mass * (sides + np.square((place - centre)[across]).sum())
+    shift = zero_moment_point(turning) - centre[:2]
+    wanted = sign * inertia * -(omega**2) * theta / (TOTAL_MASS * GRAVITY)
+    small = 1e-3 * np.abs(wanted).max()  # also of what the products of inertia move across
+    np.testing.assert_allclose(shift[:, moved], wanted, atol=small)
+    np.testing.assert_allclose(shift[:, 1 - moved], 0.0, atol=small)
 
 
 def test_who_stands_balanced_is_left_alone() -> None:

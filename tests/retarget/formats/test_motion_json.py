@@ -158,5 +158,5 @@ def test_a_list_is_called_a_list(tmp_path: Path) -> None:
 
 def test_bytes_that_are_no_text_are_told(tmp_path: Path) -> None:
     (tmp_path / "motion.json").write_bytes(b"\xff\xfe")
-    with pytest.raises(KinemimicError, match="expected JSON, found bytes that are no text in UTF-8"):
+    with pytest.raises(KinemimicError, match="expected JSON, found bytes that are not UTF-8"):
         read_motion_json(tmp_path / "motion.json")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples.mirror import MIRROR
 
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -20,7 +21,6 @@ from kinemimic.retarget.humanoid.limits import (
     swing_twist,
     swing_twist_jacobian,
 )
-from kinemimic.retarget.strides.loop import MIRROR_NODES
 
 
 def upright(frames=1):
@@ -56,7 +56,7 @@ def test_the_mirror_image_exceeds_its_limits_equally():
     q = upright(30)
     turns = np.random.default_rng(0).uniform(-2.0, 2.0, (30, 20, 3))
     q = from_rotvec(turns)
-    image = q[:, MIRROR_NODES] * [-1, 1, -1, 1]
+    image = q[:, MIRROR] * [-1, 1, -1, 1]
     other = beyond_limits(image)
     swapped = {
         name.replace("left", "*").replace("right", "left").replace("*", "right"): angle

@@ -2,18 +2,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from peers.trackers import shipped_motion
 
-from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.kinematics.rotations import angle_between, conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.turning import RATE, SECONDS, turning
 
 
 @pytest.fixture(scope="module")
 def loop() -> Motion:
-    return read_motion_json(DATASETS / "policies/walk/motion.json")
+    return shipped_motion("walk")
 
 
 def test_a_turning_gait_faces_where_it_goes(loop: Motion) -> None:

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.trackers import shipped_motion
 
-from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.feet.contact import sole_positions
-from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.library import variants as module
 from kinemimic.retarget.library.variants import MAX_DEPTH, SPEEDS, plausible, plausible_variant, variant
@@ -17,7 +16,7 @@ from kinemimic.retarget.library.variants import MAX_DEPTH, SPEEDS, plausible, pl
 
 @pytest.fixture(scope="module")
 def loops() -> list[Motion]:
-    walk = read_motion_json(DATASETS / "policies/walk/motion.json")
+    walk = shipped_motion("walk")
     return [walk, replace(walk, rate=1.1 * walk.rate)]
 
 
@@ -99,7 +98,7 @@ def test_without_a_gait_there_are_no_variants(loops: list[Motion]) -> None:
     with pytest.raises(ValueError, match="no loops"):
         plausible_variant([], "walk", 0, 0)
     slow = replace(loops[0], rate=0.3 * loops[0].rate)
-    with pytest.raises(ValueError, match="none of 90 variants is plausible: the loops are no gait"):
+    with pytest.raises(ValueError, match="none of 90 variants is plausible: the loops are not a"):
         plausible_variant([slow], "run", 0, 0)
 
 

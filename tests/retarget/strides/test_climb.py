@@ -53,7 +53,7 @@ def test_bouts_up_and_down_do_not_cancel() -> None:
 def test_the_sentence_names_stride_and_angle() -> None:
     climb = {"stride_m": 0.11, "angle_deg": 4.6, "total_m": 0.8, "certain": True}
     report = {"kind": "walk", "climb": climb}
-    assert climb_warnings(report) == ["levelled: the walk climbs 0.11 m a stride (4.6°)"]
+    assert climb_warnings(report) == ["levelled: the walk climbs 0.11 m per stride (4.6°)"]
     assert climb_warnings({"kind": "run", "climb": climb | {"stride_m": -0.11}})[0].startswith(
         "levelled: the run descends"
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 
-from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_rotvec
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_rotvec, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.strides.loop import fit_root, mean_rotation, pool_strides, robust_fit, with_mirror
 
@@ -26,14 +26,25 @@ def test_a_tracked_joint_counts_fully_an_inferred_one_by_0_3_and_a_missing_one_n
 
 
 def test_a_section_counts_by_the_inverse_of_its_variance():
-    """Of two sections that contradict each other, the one that scatters less decides."""
+    """Of two sections that contradict each other, the one that scatters less decides.
+
+    The first is 0, the second -2 or 4. A mean m leaves residuals of m, 2 + m and 4 - m, with medians of m in
+    the first section and 3 in the second. The scale s is the floor of 3, so that the sections count by
+    s² / (s² + 2 m²) and 9 / (9 + 18) = 1/3, and a residual r by (1 - (r / 4.685 s)²)².
+    """
     phase = np.tile(np.arange(200) / 100.0, 2)
     group = np.repeat([0, 1], 200)
     scatter = np.where(group == 0, 0.0, 3.0) * np.where(np.arange(400) % 4 < 2, 1.0, -1.0)
     values = np.where(group == 0, 0.0, 1.0) + scatter
     series = robust_fit(phase, values[:, None], 2, np.ones(400), group, floor=3.0)
-    # Sections of equal weight would meet at 0.42; with half the penalty of variance at 0.27.
-    assert series[0, 0] == pytest.approx(0.1976, abs=0.002)
+    mean = 0.0
+    for _ in range(30):
+        first, low, high = (1.0 - (np.array([mean, 2.0 + mean, 4.0 - mean]) / (4.685 * 3.0)) ** 2) ** 2
+        first *= 2.0 * 9.0 / (9.0 + 2.0 * mean**2)
+        mean = (-2.0 * low + 4.0 * high) / 3.0 / (first + (low + high) / 3.0)
+    # Sections of equal weight would meet at 0.42.
+    assert 0.15 < mean < 0.25
+    assert series[0, 0] == pytest.approx(mean, abs=0.002)
 
 
 def test_the_mirror_image_is_made_of_sections_of_its_own(walker):
@@ -49,15 +60,23 @@ def test_the_mirror_image_is_made_of_sections_of_its_own(walker):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("axis", ["X", "Y", "Z"])
 @pytest.mark.parametrize("angle", [-2.0, -0.5, 0.5, 2.0])
-def test_a_mean_rotation_has_a_positive_scalar_part(axis, angle, sign):
+def test_the_mean_of_rotations_about_a_middle_is_the_middle_whatever_their_signs(axis, angle, sign):
+    """For each rotation by v from the middle there is one by -v; half of all have the other sign."""
     mean = from_axis_angle(axis, angle)
-    rng = np.random.default_rng(0)
-    scatter = from_rotvec(0.01 * rng.standard_normal((50, 3)))
-    q = np.stack([np.asarray(mean)] * 50) + 0.01 * scatter
-    q *= sign / np.linalg.norm(q, axis=-1, keepdims=True)
+    scatter = 0.3 * np.random.default_rng(0).standard_normal((25, 3))
+    q = sign * multiply(mean, from_rotvec(np.concatenate([scatter, -scatter])))
+    q[::2] *= -1.0
+    assert np.degrees(angle_between(q, mean)).min() > 2.0
     found = mean_rotation(q, np.ones(50))
     assert found[3] > 0.0
-    assert np.degrees(angle_between(found, mean)) < 2.0
+    assert np.degrees(angle_between(found, mean)) < 1e-5
+
+
+def test_rotations_without_weight_do_not_enter_the_mean():
+    q = from_axis_angle("Y", np.array([0.2, 0.6, 2.5]))
+    found = mean_rotation(q, np.array([1.0, 1.0, 0.0]))
+    assert angle_between(found, from_axis_angle("Y", 0.4)) < 1e-7
+    assert angle_between(mean_rotation(q, np.array([1.0, 1e-9, 0.0])), q[0]) < 1e-6
 
 
 def test_the_end_of_a_short_bout_fades_over_into_its_beginning(walker):

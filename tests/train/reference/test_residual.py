@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.trackers import shipped_motion
 
-from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.residual import residual
@@ -45,7 +44,7 @@ def test_an_acceleration_beyond_friction_is_missing() -> None:
 
 
 def test_a_recorded_walk_needs_less_than_one_that_wobbles() -> None:
-    walk = read_motion_json(DATASETS / "policies/walk/motion.json")
+    walk = shipped_motion("walk")
     own = residual(walk)
     assert own < 0.2
     phase = 2.0 * np.pi * np.arange(len(walk.root)) / len(walk.root)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from peers.constant import constant
 from peers.inline_workers import InlineWorkers
-from peers.killing import check_files, finish, kill_after, without_clock
+from peers.killing import check_files, finish, kill_after, kill_at_writes, without_clock
 from safetensors.numpy import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.summary.writer import event_file_writer
@@ -294,24 +294,27 @@ def test_seconds_of_all_calls_together_end_it_at_a_round(
 
 
 def test_killed_at_any_moment_it_goes_on(motion: Motion, tmp_path: Path) -> None:
-    kill_and_compare(motion, tmp_path, moments=1)
+    kill_and_compare(motion, tmp_path, writes=1)
 
 
 @pytest.mark.slow
 def test_killed_at_any_of_twenty_moments_it_goes_on(motion: Motion, tmp_path: Path) -> None:
-    kill_and_compare(motion, tmp_path, moments=20)
+    kill_and_compare(motion, tmp_path, writes=5, times=15)
 
 
-def kill_and_compare(motion: Motion, folder: Path, moments: int) -> None:
+def kill_and_compare(motion: Motion, folder: Path, writes: int, times: int = 0) -> None:
+    """A training killed at so many writes, then after so many times."""
     straight, killed = folder / "straight", folder / "killed"
     for run in (straight, killed):
         write_text(run / "motion.json", motion_to_json(motion))
     arguments = ["--budget", "2048", "--workers", "1", "--engine", "pybullet"]
-    seconds = finish("train", "--run", straight, *arguments)
-    random = np.random.default_rng(moments)
-    for _ in range(moments):
+    alone = finish("train", "--run", straight, *arguments)
+    random = np.random.default_rng(writes)
+    kill_at_writes(writes, alone.writes, random, "train", "--run", killed, *arguments)
+    check_files(killed)
+    for _ in range(times):
         # Also before the first checkpoint, and after the end.
-        kill_after(random.uniform(0.3, 1.1) * seconds, "train", "--run", killed, *arguments)
+        kill_after(random.uniform(0.3, 1.1) * alone.seconds, "train", "--run", killed, *arguments)
         check_files(killed)
     finish("train", "--run", killed, *arguments)
     same_result(straight, killed)

@@ -9,11 +9,11 @@ import pytest
 from peers.stance import HOLD, MASSES, STEP, momentum, upright
 
 from kinemimic.pipeline.gravity import GRAVITY
-from kinemimic.pipeline.kinematics.rotations import angle_between, from_rotvec, multiply
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_rotvec, multiply, to_matrix
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, Poses, World
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates, Poses, World
 
 
 def test_reset_puts_every_body_where_the_reference_has_it(world: World, motion) -> None:
@@ -45,28 +45,36 @@ def test_only_gravity_acts_in_the_air(world: World, motion) -> None:
     np.testing.assert_allclose(change, [0, 0, -TOTAL_MASS * GRAVITY * 6 * STEP], atol=0.2)
 
 
-def test_a_push_changes_the_momentum_by_force_times_time(world: World) -> None:
-    """100 N for 0.2 s on the torso: 20 N·s, in addition to gravity's."""
+def test_joints_that_strive_in_the_air_keep_the_angular_momentum(world: World) -> None:
+    """Gravity acts at the centre of mass and joint torques in pairs: whatever the joints do, the angular
+    momentum about the centre of mass stays 0. Bullet's reduced coordinates keep it to the order of the time
+    step: 3 % of the largest sum over the bodies. Torques without their counterparts would give all of it."""
+    turned = from_rotvec(np.random.default_rng(4).normal(0, 0.6, (14, 3)))
     world.reset(np.array([0]), upright(5.0))
-    wrench = np.zeros((1, 15, 6))
-    wrench[0, BODY_INDEX["torso"], :3] = [0, 100.0, 0]
+    whole, largest = 0.0, 0.0
     for _ in range(6):
-        state = world.step(*HOLD, wrench)
-    np.testing.assert_allclose(momentum(state), [0, 20.0, -TOTAL_MASS * GRAVITY * 0.2], atol=0.05)
+        state = world.step(np.broadcast_to(turned, (1, SUBSTEPS, 14, 4)), np.zeros((1, SUBSTEPS, 14, 3)))
+        parts = angular_momenta(state)
+        largest = max(largest, np.abs(parts).sum(axis=0).max())
+        whole = max(whole, np.abs(parts.sum(axis=0)).max())
+    assert largest > 15.0
+    assert whole < 0.05 * largest
 
 
-def test_a_torque_turns_about_its_own_axis(world: World) -> None:
-    """20 N·m about the vertical for 0.1 s: angular momentum 2 N·m·s about the centre of mass."""
-    world.reset(np.array([0]), upright(5.0))
-    wrench = np.zeros((1, 15, 6))
-    wrench[0, BODY_INDEX["torso"], 3:] = [0, 0, 20.0]
-    for _ in range(3):
-        state = world.step(*HOLD, wrench)
+def angular_momenta(state: BodyStates) -> np.ndarray:
+    """Of the 15 bodies about the common centre of mass, N·m·s: r x m v and that of their own turn, by the
+    integrals of x² over boxes (m/12 of the squared sides) and ellipsoids (m/20)."""
     arm = state.positions[0] - MASSES @ state.positions[0] / TOTAL_MASS
-    spin = np.cross(arm, MASSES[:, None] * state.linear[0]).sum(axis=0)
-    # Ellipsoids hang upright, so that each body's own part about the vertical is its third moment.
-    spin[2] += sum(body.inertia[2] * w for body, w in zip(BODIES, state.angular[0, :, 2], strict=True))
-    assert spin[2] == pytest.approx(2.0, rel=0.03)
+    way = state.linear[0] - MASSES @ state.linear[0] / TOTAL_MASS
+    squares = np.array(
+        [np.square(body.size) * body.mass / (12.0 if body.shape == "box" else 20.0) for body in BODIES]
+    )
+    matrix = to_matrix(state.rotations[0])
+    moment = np.einsum("bij,bj,bkj->bik", matrix, squares, matrix)
+    inertia = np.trace(moment, axis1=1, axis2=2)[:, None, None] * np.eye(3) - moment
+    return np.asarray(
+        np.cross(arm, MASSES[:, None] * way) + np.einsum("bij,bj->bi", inertia, state.angular[0])
+    )
 
 
 def test_fast_joints_do_not_add_momentum(world: World) -> None:
@@ -85,8 +93,7 @@ def test_fast_joints_do_not_add_momentum(world: World) -> None:
     assert np.linalg.norm(state.linear[0], axis=-1).max() < 15.0
 
 
-def test_the_ground_carries_the_weight(world: World) -> None:
-    """Standing still: both soles on the ground, which takes up all of m g, and ankles that hardly work."""
+def test_standing_soles_are_on_the_ground_and_ankles_hardly_work(world: World) -> None:
     world.reset(np.array([0]), upright(0.905))
     for _ in range(10):
         state = world.step(*HOLD)
@@ -95,8 +102,6 @@ def test_the_ground_carries_the_weight(world: World) -> None:
     np.testing.assert_allclose(feet, 0.025, atol=2e-3)
     # Without the ground a third of a second would have given 160 N·s.
     assert abs(momentum(state)[2]) < 1.0
-    total = world.contact_forces()[0].sum(axis=0)
-    np.testing.assert_allclose(total, [0, 0, TOTAL_MASS * GRAVITY], atol=0.02 * TOTAL_MASS * GRAVITY)
     # The weight passes through the ankles: 473 N within the foot's 12 cm before them.
     ankles = world.peak_torques()[0, [BODY_INDEX["foot_left"] - 1, BODY_INDEX["foot_right"] - 1]]
     assert ankles.max() < 0.5 * TOTAL_MASS * GRAVITY * 0.12

@@ -63,13 +63,28 @@ def test_half_the_strength_halves_the_deviation() -> None:
 
 
 def test_ranges_of_later_versions_do_not_change_the_draws() -> None:
-    """Of policies that were trained before: same seed, same episodes."""
-    old = [draw(replace(HARD, displacement=0.0), 1.0, random) for random in [np.random.default_rng(3)] * 2]
-    random = np.random.default_rng(3)
-    draw(HARD, 1.0, random)
-    new = draw(HARD, 1.0, random)
-    assert not old[1].displacement.any()
-    assert not np.array_equal(new.forces, old[1].forces)
+    """Of policies that were trained before: same seed, same episodes. Without a displacement, a draw takes
+    from the generator what it took in the first version: rests, directions and sizes of the pushes, friction,
+    mass and delay, then tilts and spins."""
+    drawn, counted = np.random.default_rng(3), np.random.default_rng(3)
+    old = draw(replace(HARD, displacement=0.0), 1.0, drawn)
+    assert not old.displacement.any()
+    pushes = [counted.uniform(size=MAX_PUSHES) for _ in range(3)]
+    counted.uniform(size=3)
+    turns = [counted.standard_normal((15, 3)) for _ in range(2)]
+    assert drawn.bit_generator.state == counted.bit_generator.state
+    angles = np.arctan2(old.forces[0, :, 1], old.forces[0, :, 0])
+    np.testing.assert_allclose(angles, np.pi * (2.0 * pushes[1] - 1.0), atol=1e-12)
+    np.testing.assert_allclose(old.tilts[0], HARD.tilt * turns[0])
+    # With one, the rest of the episode is the same, and the length and direction follow.
+    drawn = np.random.default_rng(3)
+    new = draw(HARD, 1.0, drawn)
+    for f in fields(RandomizationSample):
+        if f.name != "displacement":
+            np.testing.assert_array_equal(getattr(new, f.name), getattr(old, f.name))
+    counted.uniform(size=2)
+    assert new.displacement.any()
+    assert drawn.bit_generator.state == counted.bit_generator.state
     stated = TrainConfig(env=EnvConfig(domain_randomization=replace(HARD, displacement=0.0))).to_json()
     assert not {"displacement", "pace"} & stated["env"]["domain_randomization"].keys()
     assert TrainConfig.from_json(stated).env.domain_randomization == replace(HARD, displacement=0.0)

@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from peers.elsewhere import turned
 
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -24,16 +25,6 @@ from kinemimic.train.sim.pybullet_world import BulletWorld
 from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch, observation_size
-
-
-def turned(motion: Motion, angle: float) -> Motion:
-    """The same walk in another direction."""
-    q = from_axis_angle("Z", angle)
-    rotations = motion.rotations.copy()
-    rotations[:, 0] = multiply(q, rotations[:, 0])
-    return replace(
-        motion, root=rotate(q, motion.root), rotations=rotations, cycle_offset=rotate(q, motion.cycle_offset)
-    )
 
 
 def test_observation_does_not_depend_on_the_heading(motion: Motion) -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.elsewhere import turned
 
-from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig, Tracking
@@ -46,14 +46,8 @@ def test_on_its_reference_nothing_is_missing(motion: Motion) -> None:
 
 def test_the_way_to_the_reference_is_in_the_humanoids_heading(motion: Motion) -> None:
     """Of a humanoid that is 0.2 m behind its reference, whichever way both face."""
-    turned = replace(
-        motion, rotations=motion.rotations.copy(), root=motion.root[:, [1, 0, 2]] * [-1.0, 1.0, 1.0],
-        cycle_offset=np.array([0.0, motion.cycle_offset[0], 0.0]),
-    )  # fmt: skip
-    quarter = from_axis_angle("Z", np.full(len(motion.root), 0.5 * np.pi))
-    turned.rotations[:, 0] = multiply(quarter, turned.rotations[:, 0])
     found = []
-    for one, behind in ((motion, (-0.2, 0.0, 0.0)), (turned, (0.0, -0.2, 0.0))):
+    for one, behind in ((motion, (-0.2, 0.0, 0.0)), (turned(motion, 0.5 * np.pi), (0.0, -0.2, 0.0))):
         batch = ImitationBatch(open_world(1, "pybullet"), Reference(one), CONFIG)
         batch.reset(np.array([0]), np.array([0.3]))
         snapshot = batch.snapshot()

@@ -46,7 +46,7 @@ def test_a_body_near_the_ground_is_named(walk: Motion, sunk: float, found: str |
 
 def test_stairs_are_named(walk: Motion) -> None:
     rise = np.linspace(0.0, 0.4, len(walk.root))[:, None] * np.array([0.0, 0.0, 1.0])
-    assert unsuitable(replace(walk, root=walk.root + rise)) == "hips that climb or sink by 0.40 m"
+    assert unsuitable(replace(walk, root=walk.root + rise)) == "hips that rise or fall by 0.40 m"
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from peers.inline_workers import InlinePool
-from peers.ray_nodes import RayNodes
+from peers.ray_nodes import RayNodes, node_of
 from peers.trackers import entry, shipped_motion, write_small_library
 from safetensors.numpy import load
 
+from kinemimic.pipeline.cli.progress import reported_to
+from kinemimic.pipeline.cli.progress_state import ProgressState
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.library.library_file import write_library
 from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import tracker_config
-from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.policy import Policy, is_tracker
 from kinemimic.train.tracker import command, performance, runner
 from kinemimic.train.tracker.command import train_tracker
@@ -74,15 +74,30 @@ def test_a_pause_does_not_change_a_bit(library: Path, tmp_path: Path, quick: Non
 
 @pytest.mark.slow
 def test_actors_train_the_tracker_that_processes_train(
-    library: Path, tmp_path: Path, ray_nodes: RayNodes
+    library: Path, tmp_path: Path, ray_nodes: RayNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two of each; an actor's node is killed on the way, and nothing shows it."""
+    """Two of each; after the tenth round, the node of an actor is killed, and nothing shows it."""
     pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
     options: dict[str, Any] = {"config": replace(CONFIG, budget=40 * ROUND), "workers": 2, "engine": "native"}
-    timer = threading.Timer(6.0, ray_nodes.kill, ["second"])
-    timer.start()
-    train_tracker(library, tmp_path / "there", ray=ray_nodes.cluster.address, **options)
-    timer.join()
+    pools, killed = list[Any](), list[str]()
+
+    class Noted(runner.TrackerWorkers):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            pools.append(self._pool)
+
+    def kill_one(state: ProgressState) -> None:
+        if state.what == "train" and state.done == 10 * ROUND:
+            there = [node_of(seat.actor) for seat in pools[0]._seats]
+            killed.extend(name for name, node in ray_nodes.nodes.items() if node.node_id in there)
+            ray_nodes.kill(killed[-1])
+
+    with monkeypatch.context() as patched, reported_to(kill_one):
+        patched.setattr(command, "TrackerWorkers", Noted)
+        train_tracker(library, tmp_path / "there", ray=ray_nodes.cluster.address, **options)
+    assert killed
+    assert killed[-1] not in ray_nodes.nodes
+    assert pools[0].replaced >= 1
     train_tracker(library, tmp_path / "here", **options)
     there, here = bytes_of(tmp_path / "there"), bytes_of(tmp_path / "here")
     assert there["policy.safetensors"] == here["policy.safetensors"]
@@ -99,7 +114,8 @@ def test_the_policy_is_a_tracker_with_its_critic(library: Path, tmp_path: Path, 
     assert list(record["provenance"]["inputs"]) == ["library"]
     assert [weight.shape[0] for weight, _ in policy.critic] == [16, 8, 1]
     assert record["best"]["episodes"] == 2
-    assert record["evaluations"][-1]["samples"] == 192
+    # Of a tracker's own interval, and the last one at the end.
+    assert [one["samples"] for one in record["evaluations"]] == [2 * ROUND, 4 * ROUND]
 
 
 def test_another_library_is_refused(library: Path, tmp_path: Path, quick: None) -> None:
@@ -190,7 +206,3 @@ def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, q
     wide = replace(CONFIG, hidden=(32, 8))
     with pytest.raises(KinemimicError, match=r"with layers of \(32, 8\) and a preview"):
         train_tracker(library, tmp_path / "third", config=wide, start=str(tmp_path / "first"))
-
-
-def test_evaluations_are_due_rarely() -> None:
-    assert runner.EVALUATION_INTERVAL > 10 * evaluation.EVALUATION_INTERVAL

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples.corpus import cmu
-from samples.walker import MIRROR, walker
+from samples.mirror import MIRROR
+from samples.walker import walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
