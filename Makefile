@@ -43,7 +43,7 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := torch==2.13.0
 $(STAMP): pyproject.toml constraints.txt
 	$(if $(shell $(PYTHON) -c 'import sys; print((3, 11) <= sys.version_info < (3, 14) or "")' 2>&1 | grep True),,\
-	  $(error kinemimic needs Python 3.11, 3.12 or 3.13 with its venv module, but $(PYTHON) is not that: install it, or select one with PYTHON=))
+	  $(error kinemimic needs Python 3.11, 3.12 or 3.13 with its venv module, but $(PYTHON) is not one of these: install one, or select one with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
 	@$(call watched,installing PyTorch,if [ -n "$(TORCH_INDEX)" ] && $(BIN)/python -c "import urllib.request as r; r.urlopen('$(TORCH_INDEX)/torch/', timeout=5)" 2>/dev/null \
 	  && $(BIN)/python -m pip install --quiet -c constraints.txt --index-url "$(TORCH_INDEX)" $(TORCH); \
@@ -64,10 +64,10 @@ $(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
 	@$(call watched,installing the packages of the documentation,(set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'))
 	@touch $@
 
-run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=; POLICY=tracker: without a training; FROM_SCRATCH=1: not from the tracker
+run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=; POLICY=tracker: no training; FROM_SCRATCH=1: train from random weights
 	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(if $(POLICY),--policy "$(POLICY)") $(if $(FROM_SCRATCH),--from-scratch) $(TRAINING)
 
-batch: setup ## Make the motions of all captures in CAPTURE= below RUN=, with a table of what became of each
+batch: setup ## Make motions from all captures in CAPTURE= below RUN=, with a table of the results
 	$(KINEMIMIC) batch "$(CAPTURE)" --out "$(RUN)"
 
 library: setup ## Collect the motions of all captures in CAPTURE= in a motion library at RUN=
@@ -207,7 +207,7 @@ bench-batch: setup ## Measure `batch`: overhead, memory, a second call, syntheti
 bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py
 
-bench-ray: setup ## Measure training with Ray actors against processes of this machine
+bench-ray: setup ## Compare the speed of training with Ray actors and with local processes
 	OMP_NUM_THREADS=1 $(BIN)/python tests/bench/bench_ray.py
 
 bench-simulate: setup ## Measure the page of simulate in real time, with a browser (MINUTES=10)
@@ -216,7 +216,7 @@ bench-simulate: setup ## Measure the page of simulate in real time, with a brows
 bench-stream: setup ## Compare ten live captures with the offline path (KINEMIMIC_CAPTURES= is their folder)
 	$(BIN)/python tests/bench/bench_stream.py
 
-hip-gap: setup ## Train with one factor of body, world or task changed at a time, for the gap at the hip (hours): SEEDS=
+hip-gap: setup ## Find what causes the gap at the hip: train with one setting of body, world or task changed at a time (hours): SEEDS=
 	$(BIN)/python tests/bench/hip_gap.py datasets/policies/walk/motion.json runs/hip-gap $(if $(SEEDS),--seeds "$(SEEDS)")
 
 # The folder of UI-PRMD is in KINEMIMIC_CAPTURES=, as for the tests (docs/contributing.md).

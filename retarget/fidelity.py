@@ -81,7 +81,7 @@ def departure_warnings(report: Mapping[str, Any]) -> list[str]:
             joint, side = name.split("_")
             found.append(
                 f"{'each' if averaged else f'the {side}'} {joint} moves through {most - least:.0f}° "
-                f"({least:.0f} to {most:.0f}°), in the capture's strides {high - low:.0f}° "
+                f"({least:.0f} to {most:.0f}°) in the motion, but {high - low:.0f}° in the capture "
                 f"({low:.0f} to {high:.0f}°)"
             )
     steps, captured = report["step_m"], report["step_captured_m"]
@@ -89,8 +89,8 @@ def departure_warnings(report: Mapping[str, Any]) -> list[str]:
         now, then = (one["left"] - one["right"] for one in (steps, captured))
         if abs(now - then) > MAX_STEP_DIFFERENCE:
             found.append(
-                f"steps left and right of {100 * steps['left']:.0f} and {100 * steps['right']:.0f} cm, "
-                f"in the capture {100 * captured['left']:.0f} and {100 * captured['right']:.0f} cm "
+                f"left and right steps of {100 * steps['left']:.0f} and {100 * steps['right']:.0f} cm, but "
+                f"{100 * captured['left']:.0f} and {100 * captured['right']:.0f} cm in the capture "
                 "(scaled to the body)"
             )
     return found

@@ -19,5 +19,5 @@ def knee_warnings(report: Mapping[str, Any]) -> list[str]:
         return []
     return [
         f"the strides differ in the knee: R² of the loop against them {', '.join(low)} (limit {least:g}); "
-        "they may hold standing, turns or another gait: choose a part of the walk with --segment"
+        "they may include standing, turns or another gait: choose a part of the walk with --segment"
     ]

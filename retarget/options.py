@@ -40,13 +40,13 @@ retarget_options = option_group(
     click.option(
         "--segment",
         metavar="NAME|START-END",
-        help="A segment of the capture, by name as `inspect` lists it, or by its seconds, such as 3.5-12. "
-        "Default: the longest usable walk.",
+        help="Segment of the capture: a name that `inspect` lists, or a time range in seconds, such as "
+        "3.5-12. Default: the longest usable walk.",
     ),
     click.option(
         "--balance/--no-balance",
         default=None,
-        help="Displace the root of a walk from a depth sensor or a video until it is balanced over the "
-        "soles. Default: only for a tracker, and never a run.",
+        help="Displace the root of a walk from a depth sensor or a video to bring its zero-moment point "
+        "nearer to the soles. Running is never changed. Default: only for a tracker.",
     ),
 )

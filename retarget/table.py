@@ -91,7 +91,7 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
     return [
         f"  feet       {both('foot_speed_m_s', 100.0)} cm/s in contact, "
         f"penetration {both('penetration_m', 1e3)} mm, floating {both('floating_m', 1e3)} mm",
-        f"  limits     {len(beyond[0])} → {len(beyond[1])} joints exceed theirs"
+        f"  limits     {len(beyond[0])} → {len(beyond[1])} joints exceed their range"
         + (f": {still}" if still else ""),
         f"  nodes      {both('node_error_m', 1e3)} mm from the recording, scaled to the body",
     ]

@@ -72,17 +72,18 @@ def train(
     A checkpoint of another motion or other settings is kept as checkpoint.previous.safetensors.
     If the gate (retarget/gate.py) refuses the motion, it is not trained on, unless `anyway` is set.
 
-    minutes: of all calls together, after which the training ends even if the budget is not used up.
-    workers: processes that simulate, by default one for every core; threads with a baseline. They are
-    spawned: call this function below `if __name__ == "__main__"` in your own script. engine: see
-    `sim/engines.py`. A training may resume with another engine or number of workers, but bit for bit only
-    with the same ones.
+    minutes: training time of all calls together, after which training ends even if the budget is not used up.
+    workers: simulation processes, by default one per core; for a baseline, threads. They are spawned: call
+    this function under `if __name__ == "__main__":` in your own script. engine: see `sim/engines.py`.
+    Training may resume with another engine or number of workers, but is bit for bit the same only with the
+    same ones.
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
     start: name of a shipped tracker, or folder of one, to start from, with the settings of
     `config/from_tracker.py`.
-    config: your own settings, with seed, budget and scenario, in place of a preset, a seed and `start`.
-    ray: simulate on a Ray cluster, at this address or, "local", started on this machine; by default with one
-    worker per core of it. As many workers give the same policy, bit for bit, as processes of this machine.
+    config: your own settings in place of `preset_name`, `seed` and `start`; `budget` and `scenario`, if
+    given, replace those in it.
+    ray: simulate on a Ray cluster: its address, or "local" to start Ray on this machine; by default one
+    worker per core of it. The policy is bit for bit that of as many local processes.
     """
     if config is not None and start is not None:
         raise KinemimicError("train: expected config or start, found both; start has settings of its own")

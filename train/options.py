@@ -15,15 +15,15 @@ training_options = option_group(
         "preset_name",
         type=click.Choice(list(PRESETS)),
         default="default",
-        help="Named set of training settings. Default: `default`; in `run`, a walk or run starts from the "
-        "tracker that ships, unless a preset is given.",
+        help="Named set of training settings. Default: `default`; in `run`, training on a walk or run starts "
+        "from the shipped tracker unless a preset is given.",
     ),
     click.option(
         "--from",
         "start",
         metavar="POLICY",
-        help="Start from a tracker, a policy for any motion: `tracker` ships, others are run folders. "
-        "It has settings of its own, in place of a preset; --preset robust adds pushes.",
+        help="Start from a tracker (a policy for any motion): the shipped `tracker`, or a run folder. "
+        "Replaces the settings of the preset with its own; --preset robust adds pushes.",
     ),
     click.option(
         "--budget",
@@ -36,5 +36,5 @@ training_options = option_group(
     ),
     click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed."),
     engine_option,
-    click.option("--anyway", is_flag=True, help="Train even if the motion fails the check before training."),
+    click.option("--anyway", is_flag=True, help="Train even if the gate refuses the motion."),
 )

@@ -1,4 +1,4 @@
-"""Many captures: each by itself, on this machine or a cluster, with a row for what became of it.
+"""Many captures, each processed separately, on this machine or a cluster; one row has the outcome of each.
 
 In: files, folders, patterns, names of the catalogue. Out: run folders, batch.json, batch.csv, the data set.
 """

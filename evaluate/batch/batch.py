@@ -1,4 +1,4 @@
-"""`kinemimic batch`: the motions of many captures as a data set, and one table of what became of each.
+"""`kinemimic batch`: the motions of many captures as a data set, and a table with the outcome of each.
 
 Every capture has its run folder below the output folder and is processed by itself, with limited time and
 memory, so that a damaged capture costs only its own row.
@@ -143,6 +143,6 @@ def found_nothing(sources: Sequence[str | Path], result: Mapping[str, Any]) -> K
     reasons = list(result["other"].values()) or ["it is empty"]
     more = ""
     if (others := len(reasons) - 1) > 0:
-        verb, noun = ("is", "capture") if others == 1 else ("are", "captures")
-        more = f"; {plural(others, 'other file')} {verb} no {noun} either"
+        what = "is not a capture" if others == 1 else "are not captures"
+        more = f"; {plural(others, 'other file')} {what} either"
     return KinemimicError(f"{os.fspath(sources[0])}: expected captures, found none: {reasons[0]}{more}")

@@ -1,4 +1,4 @@
-"""One capture of a batch: its stages, in its run folder, and the row that says what became of it."""
+"""One capture of a batch: its stages, in its run folder, and the row with their outcome."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from kinemimic.retarget.formats.gait_json import read_gait_json
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 # Of a performance, what the row and the report do not need, and `run` makes again: 12 MB of 14.
 _LARGE = ("policy.safetensors", "trajectory.npz")
-_IN_USE = "its run folder is in use by another process; run the batch again when that has ended"
+_IN_USE = "its run folder is in use by another process; run the batch again when that process has ended"
 _PATIENCE = 10.0  # seconds that the process of a batch which was killed may take to end
 
 

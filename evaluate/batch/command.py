@@ -34,12 +34,12 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": 
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help="Folder of the run folders, the table, the data set and its page.")  # fmt: skip
 @click.option("--to", type=click.Choice(list(TARGETS)), default="motion", show_default=True,
-              help="How far: quaternions, a motion, or performed by the tracker, with scores.")  # fmt: skip
+              help="Last result: quaternions, the motion, or the scores of the tracker on it.")  # fmt: skip
 @click.option("--subject", metavar="REGEX",
-              help="The person in a file's name, from its beginning: the first group, or all that matches. "
-                   "Default: up to the first underscore.")  # fmt: skip
+              help="Matches the subject at the start of a file's name; the subject is the first group, or "
+                   "the whole match. Default: up to the first underscore.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
-              help="Captures processed in parallel; default: one per core.")  # fmt: skip
+              help="Captures processed in parallel. Default: one per core.")  # fmt: skip
 @click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip
 @click.option("--limit-memory", "memory", type=FiniteRange(min=0.5), metavar="GIB", default=MEMORY_GIB,
@@ -62,11 +62,11 @@ def command(
 ) -> int:
     """Make a data set of the motions of every capture at SOURCE.
 
-    SOURCE: a file, a folder with all its subfolders, a pattern ("walks/**/*.bvh"), a name of the catalogue,
-    or @FILE, a list of these. Every capture goes through ingest, convert and retarget, or as far as --to
-    says, in its own run folder below --out. The table says which motions `train` accepts, and why the others
-    were refused. Captures whose result is up to date are skipped. Exit status: 0 if any capture is accepted,
-    else 2.
+    SOURCE: a file, a folder with all its subfolders, a pattern ("walks/**/*.bvh"), a name in the catalogue,
+    or @FILE, a list of these. Every capture goes through ingest, convert and retarget, or up to the result
+    of --to, in its own run folder below --out. The table says which motions `train` accepts, and why the
+    others were refused. Captures whose result is up to date are skipped. Exit status: 0 if any capture is
+    accepted, else 2.
 
     \b
       kinemimic batch recordings/ --out runs/recordings

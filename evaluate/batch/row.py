@@ -1,4 +1,4 @@
-"""The row of a capture: what it is, what became of it, and the numbers that its stages wrote."""
+"""The row of a capture: its description, its outcome, and the numbers that its stages wrote."""
 
 from __future__ import annotations
 

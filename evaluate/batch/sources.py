@@ -48,7 +48,7 @@ def _paths(source: str, place: str, depth: int) -> Iterator[Path]:
 def _listed(file: Path, depth: int) -> Iterator[Path]:
     if depth >= _DEPTH:
         raise KinemimicError(
-            f"{file}: expected sources, found a list that names itself, or {_DEPTH} lists deep"
+            f"{file}: expected sources, found lists nested more than {_DEPTH} deep, or one that names itself"
         )
     lines = read_text(file, _LIST_LIMIT, "a list of sources").splitlines()
     for number, line in enumerate(lines, start=1):
@@ -65,7 +65,7 @@ def _of_catalog(source: str, place: str) -> Iterator[Path]:
         entries = load_catalog().select([source])
     except KinemimicError:
         raise KinemimicError(
-            f"{place}: {_EXPECTED}, found nothing there, and no such name in the catalogue "
+            f"{place}: {_EXPECTED}, found neither a file nor a name in the catalogue "
             "(`kinemimic datasets list`)"
         ) from None
     folder = captures_folder()

@@ -1,8 +1,8 @@
-"""What a folder of batches knows: the row of every capture, and which batch is at work on which.
+"""The state of a folder of batches: the row of every capture, and which batch is processing it.
 
 The rows are in one SQLite file, so that any number of batches may write there, and a batch that is killed
-leaves what it had finished. Which batch works on a capture is a lock of the operating system on a byte of
-another file, which ends with its process, however that ends.
+leaves what it had finished. A batch that processes a capture holds an operating-system lock on
+one byte of another file; the lock ends with the process, even a killed one.
 """
 
 from __future__ import annotations

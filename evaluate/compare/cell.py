@@ -79,8 +79,8 @@ def train_and_score(cell: Cell) -> None:
         later = [path.name for path in cell.folder.glob("scores-*.json") if _budget(path) > budget]
         if later:
             raise KinemimicError(
-                f"{cell.folder}: expected budgets in increasing order, found {later[0]} before that of "
-                f"{budget}; a training cannot go back: choose another --out"
+                f"{cell.folder}: expected budgets in increasing order, found {later[0]} but no scores at "
+                f"{budget}; training cannot go back: choose another --out"
             )
         train(
             cell.folder,

@@ -55,10 +55,10 @@ def compare(
 ) -> dict[str, Any]:
     """Train and score every task, variant and seed; writes and returns the content of out/compare.json.
 
-    seeds: 0 to seeds - 1; budgets: increasing numbers of samples at which each training is scored; limits:
-    variant -> its last budget, to end it early; jobs: cells in parallel, one core each (default: all cores);
-    ray: train on a Ray cluster, one cell per core, at this address or, "local", started on this machine. A
-    cell whose node is lost is trained again, from what this machine has of it.
+    seeds: number of seeds, 0 to seeds - 1; budgets: increasing numbers of samples at which each policy is
+    scored; limits: variant -> its last budget, to end it early; jobs: cells in parallel, one core each
+    (default: one per core); ray: train on a Ray cluster, one cell per core: its address, or "local" to start
+    Ray on this machine. A cell whose node is lost is trained again from the state that this machine has.
     Finished results are kept and interrupted training runs resume. A cell that fails is listed under
     `failed`; the others continue.
     """
@@ -181,7 +181,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="End a variant early; repeatable.")  # fmt: skip
 @click.option("--hidden", multiple=True, metavar="[VARIANT=]UNITS,…",
               help="Hidden layers of all variants, such as 128,64, or of one; repeatable.")  # fmt: skip
-@click.option("--jobs", type=click.IntRange(min=1), help="Parallel training runs; default: one per core.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Parallel training runs. Default: one per core.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
               show_default=True, help="Output folder.")  # fmt: skip
 @ray_option

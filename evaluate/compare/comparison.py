@@ -126,7 +126,7 @@ class Comparison:
         """KinemimicError unless every task was trained with every variant, all seeds and all budgets."""
         if failed := self.content.get("failed"):
             raise KinemimicError(
-                f"{self.folder / RESULTS}: expected every training to have succeeded, found that "
+                f"{self.folder / RESULTS}: expected every training run to have succeeded, found that "
                 f"{', '.join(failed)} failed; repeat `kinemimic compare`"
             )
         missing = [f"{v} on {t}" for t in tasks for v in variants if not self._whole(t, v)]
@@ -202,10 +202,10 @@ class Comparison:
 
     def publish(self, into: Path) -> None:
         """Copy what `study` reads into another folder, compare.json last to mark it as complete. Results that
-        exist there and not here are kept. KinemimicError if a training failed or the two do not match."""
+        exist there and not here are kept. KinemimicError if a training run failed or the two do not match."""
         if failed := self.content.get("failed"):
             raise KinemimicError(
-                f"{self.folder / RESULTS}: expected every training to have succeeded, found that "
+                f"{self.folder / RESULTS}: expected every training run to have succeeded, found that "
                 f"{', '.join(failed)} failed; nothing is published"
             )
         if into.resolve() == self.folder.resolve():

@@ -1,4 +1,4 @@
-"""Run tasks in parallel, each in a process that may start further processes, as a training does."""
+"""Run tasks in parallel, each in a process that may start further processes, as training does."""
 
 from __future__ import annotations
 

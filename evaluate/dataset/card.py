@@ -37,8 +37,8 @@ def _lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         + (f"; {simulated} of the accepted captures are simulated (virtual Kinect)." if simulated else "."),
         "",
         f"Made by kinemimic {versions().get('kinemimic', _UNKNOWN)}. `{INDEX}` has a row for every capture, "
-        f"also for those that were refused. `{MOTIONS}/` has the frames of the motions. `{SUMS}` is read by "
-        "`sha256sum --check`.",
+        f"including those that were refused. `{MOTIONS}/` has the frames of the motions. "
+        f"`sha256sum --check {SUMS}` verifies the files.",
         "",
         "## Splits",
         "",
@@ -61,7 +61,7 @@ def _lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         "",
         "## Licences",
         "",
-        "Each motion has the licence of its capture; where it is unknown, ask.",
+        "Each motion has the licence of its capture; where that is unknown, ask the capture's owner.",
         "",
     )
     yield from _counted("licence", rows)

@@ -1,6 +1,6 @@
 """index.html of a folder of batches: a table to look through the data set, with figures and curves.
 
-The page has everything in itself: it opens from the disk and asks no host for anything. Its rows are JSON
+The page is self-contained: it opens from the disk and makes no network requests. Its rows are JSON
 that a short script shows as the reader filters, so that thousands of captures open at once.
 """
 

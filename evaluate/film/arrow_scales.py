@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-FORCE, CONTACT = 200.0, 1000.0  # N to a metre of arrow, of forces from outside and of contacts
-TORQUE = 50.0  # N·m to a metre of arrow
+FORCE, CONTACT = 200.0, 1000.0  # N per metre of arrow, for external and for contact forces
+TORQUE = 50.0  # N·m per metre of arrow

@@ -86,7 +86,7 @@ def _outline(surface: Surface, gap: int) -> Floats:
 
 
 def _over(below: Floats, layer: Floats) -> Floats:
-    """A layer (H, W, 4) at sub-pixels, as of `lit`, laid over a part (h, w, 3) of the picture."""
+    """A layer (H, W, 4) at sub-pixels, as for `lit`, laid over a part (h, w, 3) of the picture."""
     height, width = below.shape[:2]
     small = cv2.resize(layer, (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small[..., :3] + below * (1 - small[..., 3:]), np.float32)

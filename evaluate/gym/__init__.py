@@ -1,8 +1,8 @@
 """The task for other reinforcement learning libraries: Gymnasium environments, and stable-baselines3 on them.
 
 In: a motion. Out: `kinemimic/Imitation-v0`, with one humanoid (`gymnasium.make`) or a batch of them
-(`gymnasium.make_vec`). Importing this package registers it, as Gymnasium from 1.0 on expects of every package
-of environments: it no longer looks for entry points.
+(`gymnasium.make_vec`). Importing this package registers the environment: since version 1.0, Gymnasium no
+longer looks for entry points.
 """
 
 from gymnasium.envs.registration import register

@@ -22,13 +22,13 @@ class ImitationEnv(gym.Env[Floats, NDArray[np.float32]]):
     """Imitate a motion with one humanoid: `gymnasium.make("kinemimic/Imitation-v0", motion=...)`.
 
     motion: a `Motion`, a motion.json, a run folder, or the name of a shipped policy; config: the task, by
-    default `EnvConfig()`; engine: see `sim/engines.py`. Observations (O,) are those of
-    `ImitationBatch.observe`, actions (42,) in [-1, 1] its actions divided by 0.5: both mirrored in the second
-    half of a gait cycle, unless the configuration turns `mirror` off. A fall terminates an episode; the end
-    of its time, 10 s by default, truncates it. Each episode draws the configuration's domain randomization at
-    full strength and starts at a random phase, at 0 without `start_anywhere`, or at p after
-    `reset(options={"phase": p})`. `info["terms"]` are the reward's terms. render_mode: None or "rgb_array".
-    Wrong arguments raise a KinemimicError.
+    default `EnvConfig()`; engine: see `sim/engines.py`. Observations (O,): see `observation_layout.py`.
+    Actions (42,), in [-1, 1], are those of `ImitationBatch` divided by 0.5. Both are mirrored in the second
+    half of a gait cycle, unless the configuration turns `mirror` off. An episode terminates at a fall, or
+    when the humanoid leaves its reference; it is truncated at its end, by default after 10 s. Each episode
+    draws the configuration's domain randomization at full strength and starts at a random phase, at 0
+    without `start_anywhere`, or at p after `reset(options={"phase": p})`. `info["terms"]` has the reward's
+    terms. render_mode: None or "rgb_array". Wrong arguments raise a KinemimicError.
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": CONTROL_RATE}  # noqa: RUF012 (Gymnasium's own form)

@@ -28,13 +28,14 @@ Bools = NDArray[np.bool_]
 
 
 class ImitationVectorEnv(VectorEnv[Floats, NDArray[np.float32], Array]):
-    """`num_envs` times `ImitationEnv`: `gymnasium.make_vec("kinemimic/Imitation-v0", num_envs=...)`.
+    """A batch of `ImitationEnv`: `gymnasium.make_vec("kinemimic/Imitation-v0", num_envs=...)`.
 
-    motion, config, engine: as there; max_episode_steps: in place of the configuration's; threads: of the
-    native engine, by default one per core; autoreset_mode: an `AutoresetMode` or its value. Spaces, seeds,
-    infos and resets are those of `SyncVectorEnv`, and so is every number, up to rounding: environment k of
-    `reset(seed=s)` is that of `ImitationEnv.reset(seed=s + k)`. Options of `reset`: `phase`, a number or one
-    for each environment, and `reset_mask` (E,), the environments to reset.
+    motion, config, engine: as for `ImitationEnv`; max_episode_steps: in place of the configuration's;
+    threads: of the native engine, by default one per core; autoreset_mode: an `AutoresetMode` or its value.
+    Spaces, seeds, infos, resets and, up to rounding, all numbers are those of a `SyncVectorEnv` of
+    `ImitationEnv`: environment k after `reset(seed=s)` equals an `ImitationEnv` after `reset(seed=s + k)`.
+    Options of `reset`: `phase`, a number or one for each environment, and `reset_mask` (E,), the environments
+    to reset.
     """
 
     def __init__(

@@ -16,10 +16,10 @@ from kinemimic.train.baselines.shared_object import SharedObjectVecEnv
 class StableBaselinesVecEnv(SharedObjectVecEnv):
     """`env`, any Gymnasium vector environment with arrays as observations, for stable-baselines3.
 
-    As stable-baselines3 resets an environment in the step that ends its episode, `env` must too: make it with
-    `autoreset_mode="SameStep"`; KinemimicError for another mode. The infos of step and reset are one
-    dictionary per environment; at the end of an episode with `terminal_observation` and
-    `TimeLimit.truncated`.
+    stable-baselines3 resets an environment in the step that ends its episode, and `env` must do the same:
+    make it with `autoreset_mode="SameStep"`; KinemimicError for another mode. The infos of step and reset
+    are one dictionary per environment, with `terminal_observation` and `TimeLimit.truncated` at the end of
+    an episode.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:

@@ -95,7 +95,7 @@ class Transition:
 
 
 class Task:
-    """E environments on one batch; `space` and `action_space` are those of a single one."""
+    """E environments on one batch; `observation_space` and `action_space` are those of a single one."""
 
     def __init__(self, size: int, motion: Motion, config: EnvConfig, engine: str, threads: int = 1) -> None:
         world = open_world(size, engine, threads=threads)

@@ -44,7 +44,7 @@ def library(
 
     subject: regular expression of the person in a file's name without ending, from its beginning: the first
     group, or all that matches; test: subjects that are left out of the split "train"; variants: number of
-    random variants of the training part's loops to add, and exercises of random exercises on the spot, both
+    variants of the loops in the split "train" to add, and exercises of exercises on the spot, both random and
     drawn from `seed` (`variants.py`); sources, options, jobs, timeout: as for `batch`, which writes
     its run folders below out/runs. Returns the content of library.json.
     KinemimicError without an accepted motion, for a name that does not match, for an unknown subject, and for
@@ -113,7 +113,7 @@ def library(
 
 def _require_subjects(files: Sequence[Path], pattern: re.Pattern[str], test: Collection[str]) -> None:
     """KinemimicError if no file's name has a person, or none has one of `test`. Which files are captures is
-    not known yet: other names without a person are no error here."""
+    not known yet: other names without a person are not an error here."""
     found = {file: subject for file in files if (subject := subject_in(file.name, pattern)) is not None}
     if files and not found:
         raise _without_subject(files[0].name)
@@ -176,19 +176,19 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help="Folder of the library; its run folders are in OUT/runs.")  # fmt: skip
 @click.option("--subject", metavar="REGEX", default=SUBJECT, show_default=True,
-              help="The person in a file's name, from its beginning: the first group, "
-                   "or all that matches.")  # fmt: skip
+              help="Matches the subject at the start of a file's name; the subject is the first group, or "
+                   "the whole match.")  # fmt: skip
 @click.option("--test", metavar="SUBJECT", multiple=True,
-              help="Put this person's motions in the split “test”; may be repeated.")  # fmt: skip
+              help="Put this subject's motions into the split `test`; repeatable.")  # fmt: skip
 @click.option("--variants", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Add this many random variants of the training part's loops: other cadences, strides, "
-                   "postures; walks that turn.")  # fmt: skip
+              help="Add this many random variants of the loops in the split `train`: other cadences, "
+                   "strides, postures; walks that turn.")  # fmt: skip
 @click.option("--exercises", type=click.IntRange(min=0), default=0, show_default=True,
               help="Add this many random exercises on the spot: squats, bends, reaches, steps.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
               help="Random seed of variants and exercises.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
-              help="Captures processed in parallel; default: one per core.")  # fmt: skip
+              help="Captures processed in parallel. Default: one per core.")  # fmt: skip
 @click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip
 @json_option("Print library.json.")
@@ -205,11 +205,11 @@ def command(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Make one motion library of every capture at SOURCE, which is as for `batch`.
+    """Build one motion library from every capture at SOURCE, given as for `batch`.
 
     Every capture goes through ingest, convert and retarget as with `batch`. The library holds the motions
-    that `train` accepts, as library.json and library.safetensors. It is split by subject: no person is in
-    both parts.
+    that `train` accepts, as library.json and library.safetensors. It is split by subject: no subject is in
+    both splits.
 
     \b
       kinemimic library recordings/ --out runs/library --test 07 --test 09

@@ -34,7 +34,7 @@ BALANCED = 0.5
 
 @dataclass(frozen=True)
 class Loops:
-    """The loops of the training part that are varied."""
+    """The loops of the split "train" that are varied."""
 
     walks: Sequence[Motion]
     runs: Sequence[Motion]
@@ -65,8 +65,8 @@ class Loops:
 def made_variants(
     motions: Sequence[Motion], entries: Sequence[Entry], count: int, exercises: int, seed: int, jobs: int
 ) -> list[tuple[Motion, Entry]]:
-    """`count` variants of the loops of the training part, and random exercises on the spot; the same for the
-    same motions, numbers and seed."""
+    """`count` variants of the loops of the split "train", and random exercises on the spot; the same for
+    the same motions, numbers and seed."""
     loops = Loops.of(motions, entries)
     counts = {**loops.counts(count), "exercise": exercises}
     tasks = [

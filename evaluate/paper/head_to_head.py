@@ -59,7 +59,7 @@ def head_to_head(
     entries: the policies of each algorithm, of the same name, with their `contest_trials`; scenarios: names;
     over: name -> name whose lead over it is computed, in scenarios with both; otherwise the lead is None.
 
-    A row has the policies' name, the samples of a training, the median number after which the policy was
+    A row has the policies' name, the samples of a training run, the median number after which the policy was
     saved, the metrics of all trials, the number of seeds and of those whose undisturbed control runs mostly
     fall, and `loss` and `lead` (`lead.py`).
     """

@@ -52,8 +52,8 @@ def compared_variants(comparison: Comparison, task: str) -> dict[str, str]:
 
 
 def compared_policies(comparison: Comparison) -> dict[str, list[TrainedPolicy]]:
-    """The policies of all seeds by name; KinemimicError if a training is missing, two share no budget, or the
-    obstacles of a training differ."""
+    """The policies of all seeds by name; KinemimicError if a training run is missing, two share no budget, or
+    the obstacles of a training run differ."""
     trained = {task: compared_variants(comparison, task) for task in (WALK, RUN, OBSTACLES)}
     for task, variants in trained.items():
         for baseline in BASELINES.keys() & variants:

@@ -35,7 +35,7 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
 
 
 def tracker_summary(name: str, folder: Path) -> dict[str, Any]:
-    """A shipped tracker as JSON values: its settings, and its scores on the walks of its part "test"."""
+    """A shipped tracker as JSON values: its settings, and its scores on the walks of its split "test"."""
     record, scores = read_record(folder / name / RECORD), read_tracker_scores(folder / name / SCORES)
     walks = next((row for row in scores["summary"] if (row["split"], row["kind"]) == ("test", "walk")), None)
     return {
@@ -52,7 +52,7 @@ def tracker_summary(name: str, folder: Path) -> dict[str, Any]:
 def command(as_json: bool) -> None:
     """List the shipped policies, for `--policy` of evaluate, view, export and others.
 
-    Scores are medians over the start phases. A tracker performs many motions, also with `run --policy`.
+    Scores are medians over the start phases. A tracker performs many motions; use one with `run --policy`.
 
     \b
       kinemimic policies
@@ -88,7 +88,7 @@ def _unseen(tracker: dict[str, Any]) -> str:
     if walks is None:
         return "Not scored on unseen walks."
     return (
-        f"Of {walks['motions']} walks that it has never seen, {100 * walks['whole']:.0f} % end without a "
-        f"fall from every start phase (R² knee {number(walks['r2_knee'], 3)}, "
+        f"Of {walks['motions']} walks that were not in its training, {100 * walks['whole']:.0f} % have no "
+        f"fall from any start phase (R² knee {number(walks['r2_knee'], 3)}, "
         f"hip {number(walks['r2_hip'], 3)})"
     )

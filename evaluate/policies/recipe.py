@@ -18,7 +18,7 @@ POLICIES = DATASETS / "policies"
 
 
 class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
-    """Motion and settings of a training.
+    """Motion and settings of a training run.
 
     stock: name of a motion in the pybullet wheel; recording: name of a recording in catalog.toml; with
     neither, the virtual Kinect's walk. start: tracker to start from; with none, random weights. budget:

@@ -94,7 +94,10 @@ class ShippedPolicies:
         source = tracker_path(name, self.folder).parent
         load_tracker(source / POLICY)
         if capture is not None:
-            raise KinemimicError(f"{name} performs any motion: run `kinemimic run {capture} --policy {name}`")
+            raise KinemimicError(
+                f"--capture: expected none for {name}, which is not bound to one recording; "
+                f"run `kinemimic run {capture} --policy {name}`"
+            )
         if not (run / MOTION).exists():
             raise KinemimicError(
                 f"{run / MOTION}: expected a motion for {name} to perform, found no file; "
@@ -104,8 +107,8 @@ class ShippedPolicies:
         report = read_gait_json(run / GAIT, motion) if (run / GAIT).exists() else None
         if found := unsuitable(motion, report):
             raise KinemimicError(
-                f"{run / MOTION}: expected a motion on two feet, which {name} has learned, found {found}; "
-                "train a policy for it: `kinemimic train`"
+                f"{run / MOTION}: expected a gait on level ground, all that {name} has learned, found "
+                f"{found}; train a policy for this motion with `kinemimic train`"
             )
         if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source / POLICY):
             raise KinemimicError(f"{run}: expected policy {name!r}, found another; choose another --run")
@@ -142,8 +145,9 @@ class ShippedPolicies:
             return motion
         if capture is None:
             raise KinemimicError(
-                f"{name}: expected --capture with the recording that it was trained on, found none; it does "
-                f'not ship (licence: {wanted.licence}): --capture "$(kinemimic datasets fetch {wanted.name})"'
+                f"{name}: expected --capture with the recording that it was trained on, found none; the "
+                f"recording is not shipped (licence: {wanted.licence}): "
+                f'--capture "$(kinemimic datasets fetch {wanted.name})"'
             )
         if not capture.is_file() or file_hash(capture) != wanted.sha256:
             found = "another file" if capture.is_file() else "no file"

@@ -174,7 +174,8 @@ def command(
     else:
         show(
             table(results),
-            "\nMedians. Drop: largest loss of reward against an unperturbed control run, if "
-            f"it does not fall. Recovered: within {100 * RECOVERED:.0f} % of the control to the end, "
-            "of the trials with any difference. Seconds since the first difference.",
+            "\nDrop and times: medians over the affected trials, whose reward differs from that of an "
+            "undisturbed control run without a fall. Drop: largest loss of reward. Recovered: trials that "
+            f"end no more than {100 * RECOVERED:.0f} % of the largest reward below the control. Times count "
+            "from the first difference.",
         )

@@ -139,8 +139,8 @@ def table(result: dict[str, Any]) -> RenderableType:
         forces = [_force(one["survived_n"][str(percent)]) for percent in SHARES]
         grid.add_row(name, *forces, *(f"{100 * share:.0f}" for share in one["grid"]))
     above = [
-        f"largest push, N, that {' and '.join(f'{percent} %' for percent in SHARES)} of "
-        f"{len(result['phases'])} phases survive; then the % that survive each force in N",
+        f"largest push in N survived at {' and '.join(f'{percent} %' for percent in SHARES)} of "
+        f"{len(result['phases'])} phases; then the % of phases at which each force in N is survived",
         f"({protocol['push_s']:.1f} s on the {protocol['body']}; survived: still upright "
         f"{protocol['survive_s']:.0f} s later)",
     ]
@@ -161,10 +161,10 @@ def _force(newton: float) -> str:
 @engine_option
 @json_option("Print pushes.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """Measure the hardest push that the run's policy, or a shipped one, survives: 0.2 s on the pelvis.
+    """Measure the hardest push (0.2 s on the pelvis) that the run's policy, or a shipped one, survives.
 
-    Pushes forward, backward, left and right at 20 phases each; the forces that 50 % and 90 % of the phases
-    survive go into pushes.json.
+    Pushes forward, backward, left and right at 20 phases each; pushes.json has the forces survived at 50 %
+    and at 90 % of the phases.
 
     \b
       kinemimic pushes --run runs/walk

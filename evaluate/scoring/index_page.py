@@ -44,7 +44,7 @@ _DATA = {
     "gait_report.json": "the numbers of the gait report",
     "pushes.json": "the hardest pushes that the policy survives",
     "scenario-*.json": "trials in a scenario",
-    "run.json": "what was made from what",
+    "run.json": "which stage made each file, and from which inputs",
 }
 
 

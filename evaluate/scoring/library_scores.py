@@ -25,11 +25,11 @@ _DIGITS = 4
 def motion_scores(entry: Entry, trajectory: Trajectory) -> dict[str, Any]:
     """Scores of the rollouts on one motion: a row of tracker_scores.json.
 
-    frames: before a fall, of the median start phase, `of` how many; phases: number of start phases without a
-    fall, `phases_of` how many; succeeded: number of start phases from which the joints stay within 0.5 m of
-    their reference on average; succeeded_first: whether phase 0 is one of them; the errors of
-    `tracking_error.py`, R² of knee and hip without credit after a fall, and the speed relative to the
-    reference are medians over the start phases, None if undefined.
+    frames: before a fall, median over the start phases; of: frames of a rollout; phases: number of start
+    phases without a fall; phases_of: number of start phases; succeeded: number of start phases from which
+    the joints stay within 0.5 m of their reference on average; succeeded_first: whether phase 0 is one of
+    them. The errors of `tracking_error.py`, R² of knee and hip without credit after a fall, and the speed
+    relative to the reference are medians over the start phases, None if undefined.
     """
     survived, errors = survival(trajectory), tracking(trajectory)
     fits = fit(trajectory, trajectory.root.shape[1])["phases"]

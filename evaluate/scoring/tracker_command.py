@@ -50,7 +50,7 @@ def evaluate_tracker(
         if entry.subject != VARIANTS and split in (None, entry.split)
     ]
     if not indices:
-        part = f" of the part {split}" if split else ""
+        part = f" in the split {split}" if split else ""
         raise KinemimicError(
             f"{source}: expected recorded motions{part}, found none; variants are not scored"
         )
@@ -87,7 +87,7 @@ def evaluate_tracker(
               help="Name of a shipped tracker, or folder of one.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help=f"Folder of {SCORES}.")  # fmt: skip
-@click.option("--split", type=click.Choice(["train", "test"]), help="Only this part. Default: both.")
+@click.option("--split", type=click.Choice(["train", "test"]), help="Score only this split. Default: both.")
 @engine_option
 @workers_option
 @json_option("Print tracker_scores.json.")
@@ -110,7 +110,7 @@ def command(
     if as_json:
         click.echo(json.dumps(scores, indent=2))
         return
-    table = grid("part", "kind", "motions", "success", "whole", "MPJPE mm", "R² knee", "R² hip", "speed")
+    table = grid("split", "kind", "motions", "success", "whole", "MPJPE mm", "R² knee", "R² hip", "speed")
     for row in scores["summary"]:
         table.add_row(
             row["split"],

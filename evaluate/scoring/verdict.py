@@ -13,7 +13,7 @@ from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 def verdict(scores: Mapping[str, Any], where: str = "") -> Verdict:
     """The verdict on the rollouts of scores.json; also of an earlier version, which knew less.
 
-    where: as of `judge`.
+    where: as for `judge`.
     """
     survived, root = scores["survival"], scores["root"]
     fit, motion = scores["fit"]["phases"], scores.get("motion", {})

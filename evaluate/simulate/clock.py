@@ -36,7 +36,7 @@ class Clock:
 
     @property
     def lately_on_time(self) -> float:
-        """The same of the last ten seconds."""
+        """`on_time` over the last LATELY seconds."""
         return 1.0 - sum(self._lately) / max(1, len(self._lately))
 
     def wait(self) -> None:

@@ -119,7 +119,7 @@ def require_viser() -> None:
               help="Port on 127.0.0.1; the next free one if it is taken.")  # fmt: skip
 @click.option("--seconds", type=FiniteRange(min=0.1), help="End after this time.")
 @click.option("--restart/--no-restart", default=True, show_default=True,
-              help="Put a humanoid that fell back onto its reference after 2 s.")  # fmt: skip
+              help="2 s after a fall, put the humanoid back onto its reference.")  # fmt: skip
 @click.option("--replay", "is_recording", is_flag=True,
               help="Simulate a recorded session again: --run is its folder.")  # fmt: skip
 @engine_option
@@ -135,9 +135,9 @@ def command(
 ) -> None:
     """Simulate in real time on a page in the browser: push, throw, change the ground, record.
 
-    Drag a body of the humanoid with the mouse to pull it. The page is served on 127.0.0.1 alone, and opens
-    only with the token in the address that is printed. What happens on the page can be recorded; --replay
-    simulates a recording again, checks that every state is the same to the last bit, and writes session.rrd.
+    Drag a body of the humanoid with the mouse to pull it. The page is served on 127.0.0.1 only, and needs
+    the token in the printed address. What happens on the page can be recorded; --replay simulates a
+    recording again, checks that every state is bit for bit the same, and writes session.rrd.
 
     \b
       kinemimic simulate --policy walk

@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.live.capture import LAG
 from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
 
-# In the words that a page shows, these tell its buttons what a click would do.
+# Parts of the state line on the page, from which its buttons take their labels (`Controls.show`).
 PAUSED, RECORDING = "paused", "● recording into"
 
 

@@ -68,7 +68,7 @@ class Clear(Struct, tag="clear", frozen=True):
 
 class Ground(Struct, tag="ground", frozen=True):
     """friction: of the humanoid's bodies; slope: rad, uphill where the reference then goes, by tilting
-    gravity. In a scenario, which has a ground of its own, neither holds."""
+    gravity. Neither applies in a scenario, which has its own ground."""
 
     friction: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.9
     slope: Annotated[float, Meta(ge=-0.35, le=0.35)] = 0.0
@@ -88,7 +88,7 @@ class Restart(Struct, tag="restart", frozen=True):
 
 
 class Enter(Struct, tag="enter", frozen=True):
-    """Restart in a scenario by name, or in none; trial: its number, as of `disturb` and `view`."""
+    """Restart in a scenario by name, or in none; trial: its number, as in `disturb` and `view`."""
 
     scenario: _Text = ""
     trial: Annotated[int, Meta(ge=0, le=2**31)] = 0

@@ -191,12 +191,12 @@ class LiveSession(Session):
         if shown is None or not self.capture.senders:
             return "waiting for frames"
         if quiet > FORGET:
-            return f"**no frames for {quiet:.0f} s: stands**"
+            return f"**no frames for {quiet:.0f} s: standing**"
         if self.capture.reading is None:
-            return "frames come: waiting for some with both legs and the trunk"
-        doing = "follows the person" if shown.presence >= 1.0 else "nobody seen: stands"
+            return "receiving frames: waiting for frames that show both legs and the trunk"
+        doing = "following the person" if shown.presence >= 1.0 else "nobody in view: standing"
         if 0.0 < shown.presence < 1.0:
-            doing = "between standing and the person"
+            doing = "changing between standing and following the person"
         if shown.starved:
             return f"**{doing}**"
         return f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)"

@@ -1,7 +1,7 @@
 """The page of a session: a browser's clicks and drags become inputs, frames become pictures.
 
 viser calls back on its own thread. Callbacks only put inputs into a bounded queue, which the thread of the
-simulation empties before every control step; a slow or gone browser is viser's business alone.
+simulation empties before every control step; viser alone handles browsers that are slow or gone.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class _Line(Struct):
 def begin_session(
     run: Path, engine: str, *, restart: bool = True, speed: float = 1.0, named: Callable[[str], Scenario]
 ) -> Session:
-    """A session with a run's policy on its motion; KinemimicError as of `load_trained`."""
+    """A session with a run's policy on its motion; raises KinemimicError as `load_trained` does."""
     motion, policy, record = load_trained(run)
     if speed != 1.0:
         motion = replace(motion, rate=motion.rate * speed)
@@ -73,7 +73,7 @@ def begin_session(
 def begin_live_session(
     run: Path, engine: str, settings: LiveSettings, *, restart: bool = True, named: Callable[[str], Scenario]
 ) -> LiveSession:
-    """A session of a run's policy that a live capture drives; KinemimicError as of `Policy.load`."""
+    """A session of a run's policy driven by a live capture; raises KinemimicError as `Policy.load` does."""
     policy, record = Policy.load(run / POLICY)
     env = TrainConfig.from_json(record["config"]).measured_env
     return LiveSession(policy, env, engine, settings, restart=restart, scenario_named=named)
@@ -214,7 +214,7 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
 
 def _decoded(path: Path, number: int, text: bytes, kind: type[T]) -> T:
     try:
-        # Recordings of version 0.4 may have a score with NaN, which is no JSON.
+        # Recordings of version 0.4 may have a score with NaN, which is not JSON.
         return msgspec.json.decode(text.replace(b":NaN", b":null"), type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise CaptureError(

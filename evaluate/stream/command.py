@@ -65,18 +65,24 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
 
 @click.command("stream")
 @click.option("--udp", type=_PORT, help=f"UDP port of 127.0.0.1 for frames in JSON. Default: {DEFAULT_UDP}.")
-@click.option("--tcp", type=_PORT, help="TCP port of 127.0.0.1 for frames in JSON, one a line.")
+@click.option("--tcp", type=_PORT, help="TCP port of 127.0.0.1 for frames in JSON, one per line.")
 @click.option("--vmc", type=_PORT, help="UDP port of 127.0.0.1 for the VMC protocol (usually 39539).")
-@click.option("--stdin", is_flag=True, help="Frames in JSON from standard input, one a line.")
-@click.option("--replay", type=click.Path(path_type=Path), help="A capture file, at its own clock.")
+@click.option("--stdin", is_flag=True, help="Read frames in JSON from standard input, one per line.")
 @click.option(
-    "--policy", default="tracker", show_default=True, metavar="NAME", help="A tracker: shipped, or a folder."
+    "--replay", type=click.Path(path_type=Path), help="Play a capture file; with the page, in real time."
+)
+@click.option(
+    "--policy",
+    default="tracker",
+    show_default=True,
+    metavar="NAME",
+    help="Name of a shipped tracker, or folder of one.",
 )
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/stream"), show_default=True,
               help="Folder for the policy and the recordings.")  # fmt: skip
 @click.option("--lag", type=FiniteRange(0.0, 1.0), default=0.15, show_default=True,
               help="Lag of the filter in seconds: more is smoother.")  # fmt: skip
-@click.option("--up", type=click.Choice(UP), help="Axis of the sender that points up. Default: recognised.")
+@click.option("--up", type=click.Choice(UP), help="Axis of the sender that points up. Default: detected.")
 @click.option("--place/--set-out", default=True, show_default=True,
               help="When a person appears, put the humanoid onto its reference, or let it start from where "
                    "it stands.")  # fmt: skip
@@ -107,8 +113,8 @@ def command(
     """Let a live capture drive the humanoid.
 
     Frames come as JSON over UDP, TCP or standard input, over the VMC protocol, or from a capture file, which
-    waits until the page is open. The humanoid follows half a second later: 0.15 s for the filter, 0.4 s that
-    the policy looks ahead. Exit status: 2 if no frame came that could be used, else 0.
+    waits until the page is open. The humanoid follows about half a second later: 0.15 s for the filter and
+    0.4 s for the policy's preview. Exit status: 2 if no usable frame arrived, else 0.
 
     \b
       kinemimic stream --replay walk.skl
@@ -175,7 +181,7 @@ def _words(found: dict[str, Any]) -> list[str]:
     people = {0: "nobody", 1: "1 person"}.get(found["people"], f"somebody appeared {found['people']} times")
     lines = [
         f"{found['source']}: {what}, {used}, {people}{behind}",
-        f"{found['steps']} control steps, {found['followed']} behind a person, of which "
+        f"{found['steps']} control steps, {found['followed']} of them following a person, of which "
         f"{found['upright']} upright; {plural(found['falls'], 'fall')}{_faults(found)}",
     ]
     if found["score"] is not None:

@@ -60,7 +60,7 @@ def stream(
         return session
 
     def only(*_: Any) -> Performance:
-        raise KinemimicError("expected one policy and the live capture: start again to change them")
+        raise KinemimicError("policy and motion cannot change during a live capture: restart `stream`")
 
     loop = Loop(
         Performance(run, policy or run.name, SOURCE), watched, clock, engine=engine, open_session=opened,

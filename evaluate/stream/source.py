@@ -1,4 +1,4 @@
-"""Where frames come from, and what a sender may do at most.
+"""Sources of frames, and the limits on what a sender may send.
 
 A source is asked before every control step and never waits. Of what a socket received since the last step,
 the newest MAX_FRAMES frames count, the others are dropped; a pipe and a file keep them for the next step.
@@ -24,7 +24,7 @@ REFUSED = "refused: "  # begins the names of faults of what cannot be read
 
 
 class Faults(Counter[str]):
-    """How often what happened; last: the last message, as a sender is told, at most MAX_FAULT characters."""
+    """Number of faults of each kind; last: the last message to the sender, at most MAX_FAULT characters."""
 
     last: str = ""
 
@@ -40,8 +40,8 @@ class Faults(Counter[str]):
 
 
 class Source(Protocol):
-    """name: for people; faults: how often what happened; waits: whether it can wait through a pause, as
-    a file can and a sensor cannot."""
+    """name: for messages; faults: number of faults of each kind; waits: whether the source can wait during a
+    pause, as a file can and a sensor cannot."""
 
     name: str
     faults: Faults

@@ -18,7 +18,7 @@ _KEPT = 18_000  # control steps whose latencies the summary has: ten minutes
 
 
 class NoPage:
-    """What the loop needs of a page, for nobody."""
+    """A page without viewers: every method does nothing."""
 
     def __init__(self) -> None:
         self.waiting: queue.Queue[Any] = queue.Queue()
@@ -36,8 +36,8 @@ class NoPage:
 class Watched:
     """A page whose frames are counted for the summary, over all sessions: a recording begins one.
 
-    latencies: s, of the first ten minutes; steps, followed, upright: control steps, those of them behind a
-    person, and those of these without a fall; session: the one that runs; notice: a line for the page.
+    latencies: s, of the first ten minutes; steps: control steps; followed: those that follow a person;
+    upright: those of `followed` without a fall; session: the running one; notice: a line for the page.
     """
 
     def __init__(self, page: PageView, source: Source) -> None:

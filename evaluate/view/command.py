@@ -209,7 +209,7 @@ class _Size(click.ParamType[tuple[int, int]]):
 @run_options(check=_check_options, then=_evaluate_if_needed)
 @click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
 @click.option("--at", type=FiniteRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
-@click.option("--video", "movie", type=FILE, help="Also draw simulated figure and reference as .webm.")
+@click.option("--video", "movie", type=FILE, help="Also write a video (.webm) of humanoid and reference.")
 @click.option(
     "--seconds", type=FiniteRange(min=0.1), help=f"Maximum length of the video, s. Default: {SECONDS:g}."
 )
@@ -217,7 +217,7 @@ class _Size(click.ParamType[tuple[int, int]]):
 @click.option(
     "--camera",
     type=click.Choice(CAMERAS),
-    help="Of the video: from behind, or at a right angle. Default: follow.",
+    help="Camera of the video: `follow` films from behind, `side` at a right angle. Default: follow.",
 )
 @click.option("--theme", type=click.Choice(tuple(LOOKS)), help="Background of the video. Default: light.")
 @click.option("--scenario", "named", metavar="NAME", help="Show a trial of this scenario, in view-NAME.rrd.")
@@ -248,7 +248,7 @@ def command(
     forces, 1000 N per metre. With --scenario: a trial of `disturb`, with its obstacles and forces (red
     arrows, 200 N per metre). White joints: the capture as read; pink: inferred by the sensor.
 
-    A video shows both figures in real time, the reference in blue; after a fall the figure is grey. Browsers
+    A video shows humanoid and reference (blue) at real speed; after a fall the humanoid is grey. Browsers
     play .webm; .mp4 needs an H.264 encoder.
 
     (*) Needs a Vulkan driver, but no screen.

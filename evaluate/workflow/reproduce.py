@@ -129,7 +129,7 @@ def reproduce(
     As in `kinemimic run`, finished stages are skipped and an interrupted training resumes. Missing recordings
     are reported before any training.
     ray: train on a Ray cluster, a policy per core, at this address or, "local", started on this machine; by
-    default one after the other, each on all cores. The policies are those of a training with one worker. One
+    default one after the other, each on all cores. The policies are those of training with one worker. One
     that fails does not affect the others; KinemimicError names those that failed, at the end.
     """
     sources = [capture_of(recipe, captures) for recipe in wanted]
@@ -191,7 +191,7 @@ def _on_nodes(
 @click.option(
     "--captures",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the recordings. Default: that of `kinemimic datasets fetch`.",
+    help="Folder of the recordings. Default: the folder into which `kinemimic datasets fetch` downloads.",
 )
 @click.option(
     "--from",
@@ -231,7 +231,7 @@ def command(
         raise KinemimicError(f"expected a recipe among {', '.join(known)}, found {unknown[0]!r}")
     wanted = [known[name] for name in only] or list(known.values())
     if ready is not None and len(only) != 1:
-        raise click.UsageError("--from is a single policy: name it with --only")
+        raise click.UsageError("--from publishes a single policy: name it with one --only")
     if ready is not None:
         made = [publish(ready, wanted[0], into)]
     else:

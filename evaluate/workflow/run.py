@@ -73,9 +73,9 @@ def run(
 
     capture: a file or folder, or None to record the stock walk with the virtual Kinect (folder/capture).
     options: stage -> its command's options without the dashes; True is a flag, None the command's default.
-    stages: the first few of RUN_STAGES, to stop before `evaluate` and its scores. policy: name of a shipped
-    tracker, which performs the motion without a training. from_scratch: train from random weights; otherwise
-    the training of a gait starts from the shipped tracker, unless the options name a start or a preset.
+    stages: the first stages of RUN_STAGES, to stop before `evaluate` and its scores. policy: a tracker, by
+    name or folder, which performs the motion instead of training. from_scratch: train from random weights;
+    otherwise training on a gait starts from the shipped tracker, unless the options name a start or a preset.
     overwrite: set the results of another capture in the folder aside, instead of refusing. quiet: print
     nothing.
     Raises what the stages raise; finished stages stay recorded.
@@ -129,7 +129,7 @@ def _without_training(
     if policy in shipped.names():
         known = ", ".join(shipped.trackers()) or "none in this version"
         raise KinemimicError(
-            f"--policy: expected a policy for any motion ({known}), found {policy!r}, which performs one"
+            f"--policy: expected a tracker ({known}), found {policy!r}, a policy for one motion"
         )
     if given := set(options.get("train", {})) - {"engine"}:
         raise KinemimicError(f"--policy: expected no option of `train`, found --{min(given)}; leave out one")
@@ -218,12 +218,12 @@ def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) ->
 @click.option(
     "--policy",
     metavar="POLICY",
-    help="Perform the motion with a tracker, without a training: `tracker` ships, others are folders.",
+    help="Perform the motion with a tracker instead of training: `tracker` (shipped), or a folder with one.",
 )
 @click.option(
     "--from-scratch",
     is_flag=True,
-    help="Train from random weights, not from the tracker that ships. Takes several times as long.",
+    help="Train from random weights instead of the shipped tracker. Takes several times as long.",
 )
 @overwrite_option
 @json_option("Print the stages that were run, and the scores, as JSON.")
@@ -236,10 +236,10 @@ def command(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Take CAPTURE, or the virtual Kinect's recording of a walk, through every stage to its scores.
+    """Run every stage on CAPTURE, up to the scores; without CAPTURE, on a walk of the virtual Kinect.
 
     Stages whose inputs and options have not changed are skipped. The run folder is named after the capture.
-    The training of a walk or run starts from the tracker that ships; other motions train from scratch.
+    Training on a walk or run starts from the shipped tracker; training on other motions starts from scratch.
 
     \b
       kinemimic run

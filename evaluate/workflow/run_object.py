@@ -27,11 +27,12 @@ from kinemimic.train.scenario.scenario import Scenario
 
 
 class Run:
-    """A run folder, which may not exist yet.
+    """A run folder, as the commands use it. folder: its path; it need not exist yet.
 
     Each stage's method reads the results of the stages before it and writes its own into the folder, as the
-    command of the same name does. All raise KinemimicError for input that the user can correct: a stage whose
-    input is missing, or was made from another capture, names the one to run.
+    command of the same name does. Methods and properties raise KinemimicError for input that the user can
+    correct. If a stage's input is missing or was made from another capture, the message names the stage to
+    run.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -68,14 +69,19 @@ class Run:
         video: VideoOptions | None = None,
         overwrite: bool = False,
     ) -> Clip:
-        """Read, check and clean a capture (`pipeline/ingest.py`); returns the clean clip."""
+        """Read, check and clean a capture (`pipeline/ingest.py`); returns the clean clip.
+
+        filter_name: "kalman" (default), "butterworth", "one-euro" or "none"; unit: length unit of the file,
+        as for --unit; rate: its true frame rate, Hz; video: options of a video. By default, unit and rate are
+        those of the file. overwrite: set the results of another capture in the folder aside.
+        """
         return ingest(
             Path(capture), self.folder, filter_name=filter_name, unit=unit, rate=rate, video=video,
             overwrite=overwrite,
         )  # fmt: skip
 
     def convert(self) -> Clip:
-        """Convert to quaternions, with gimbal-lock checks (`pipeline/convert.py`)."""
+        """Convert to quaternions and check for gimbal lock (`pipeline/convert.py`); returns the clip."""
         return convert(self.folder)
 
     def retarget(
@@ -89,7 +95,7 @@ class Run:
         segment: str | None = None,
         balance: bool = False,
     ) -> Motion:
-        """Retarget to the humanoid (`retarget/command.py`); returns the reference motion."""
+        """Retarget to the humanoid; returns the reference motion. Arguments: see `retarget/command.py`."""
         return retarget(
             self.folder,
             symmetric=symmetric,
@@ -117,9 +123,9 @@ class Run:
         config: TrainConfig | None = None,
         ray: str | None = None,
     ) -> dict[str, Any]:
-        """Train a policy on the motion (`train/command.py`); returns the policy's record.
+        """Train a policy on the motion; returns the policy's record. Arguments: see `train/command.py`.
 
-        Worker processes import your script: call it under `if __name__ == "__main__"`.
+        Worker processes import your script: call this method under `if __name__ == "__main__":`.
         """
         from kinemimic.train.command import train  # noqa: PLC0415 (imports torch)
 
@@ -140,7 +146,10 @@ class Run:
         )
 
     def evaluate(self, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
-        """Score the policy and write the report (`evaluate/scoring/command.py`); returns the scores."""
+        """Score the policy and write the report (`evaluate/scoring/command.py`); returns the scores.
+
+        workers: simulation processes, by default one per core; engine: "auto", "native" or "pybullet".
+        """
         from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415 (import cost)
 
         return evaluate(self.folder, workers=workers, engine=engine)
@@ -158,7 +167,11 @@ class Run:
         return view(self.folder)
 
     def export(self, formats: Sequence[str] = ("all",), *, what: Sequence[str] = ()) -> list[Path]:
-        """Write files for other programs (`evaluate/export/command.py`); returns their paths."""
+        """Write files for other programs into the folder's `export/`; returns their paths.
+
+        formats: of `kinemimic export --format`; what: "capture", "reference", "simulated" or "both", by
+        default every motion that the folder has.
+        """
         from kinemimic.evaluate.export.command import export_run  # noqa: PLC0415 (import cost)
 
         return [one.path for one in export_run(self.folder, what=what, formats=formats)]
@@ -187,7 +200,7 @@ class Run:
 
     @property
     def scores(self) -> dict[str, Any]:
-        """scores.json."""
+        """The scores that `evaluate` wrote (scores.json)."""
         return read_scores(self.folder / "scores.json")
 
 
@@ -205,9 +218,9 @@ def run(
     """Run all stages on a capture, skipping those that are up to date, as `kinemimic run` does.
 
     capture: a file or folder; None records the stock walk with the virtual Kinect. folder: the run folder,
-    by default runs/NAME of the capture. options, stages, policy, from_scratch, overwrite: as
-    in `evaluate/workflow/run.py`, for example options={"train": {"budget": "300k", "seed": 1}}, or
-    policy="tracker". Raises what the stages raise.
+    by default runs/NAME, named after the capture. options, stages, policy, from_scratch, overwrite: as in
+    `evaluate/workflow/run.py`, for example options={"train": {"budget": "300k", "seed": 1}}, or
+    policy="tracker". quiet: print nothing. KinemimicError for input that the user can correct.
     """
     source = None if capture is None else Path(capture)
     place = default_run(source) if folder is None else Path(folder)

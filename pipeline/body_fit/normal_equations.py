@@ -11,7 +11,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded, solve
 
 from kinemimic.pipeline.arrays import Array
 
-# Added to the diagonal, for unknowns that nothing in a frame tells of.
+# Added to the diagonal, for unknowns that no residual of a frame constrains.
 _REGULAR = 1e-9
 
 

@@ -139,7 +139,7 @@ class Download:
         except requests.TooManyRedirects:
             raise self._refused(url, f"more than {self.session.max_redirects} redirects") from None
         except (InvalidSchema, MissingSchema, InvalidURL, ValueError) as error:
-            # Of a redirect, or of a mirror that is no URL.
+            # Of a redirect, or of a mirror that is not a URL.
             raise self._refused(url, f"an address that is not fetched ({error})") from None
         except (requests.RequestException, urllib3.exceptions.HTTPError) as error:
             raise self._retryable(error) from None

@@ -100,7 +100,8 @@ def command(
 ) -> None:
     """Compare the local recordings with the catalogue.
 
-    Exit status 1 if a file differs from the catalogue, or if a file given by name is missing.
+    Exit status 1 if a file differs from the catalogue, or if a file given by name (or, with --all, any
+    file) is missing.
 
     \b
       kinemimic datasets verify

@@ -72,7 +72,7 @@ def run_option(
 
 
 overwrite_option = click.option(
-    "--overwrite", is_flag=True, help="Set the results of another capture in the run folder aside."
+    "--overwrite", is_flag=True, help="If the run folder has the results of another capture, set them aside."
 )
 
 
@@ -125,6 +125,6 @@ ray_option: Decorator = click.option(
     metavar="[ADDRESS]",
     is_flag=False,
     flag_value="local",
-    help="Work on a Ray cluster: the one whose head is at ADDRESS (HOST:PORT), or, without ADDRESS, one "
-    "that is started on this machine. Needs the extra `scale`.",
+    help="Run on the Ray cluster whose head node is at ADDRESS (HOST:PORT); without ADDRESS, start Ray on "
+    "this machine. Needs the extra `scale`.",
 )

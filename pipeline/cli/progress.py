@@ -1,7 +1,7 @@
-"""Progress of everything long: what, how far, time left.
+"""Progress of long tasks: name, share done, time left.
 
 On a terminal, bars on stderr (`progress_bars.py`); elsewhere, a line on stderr every 15 s
-(`heartbeat.py`); in Python, calls of a function of yours:
+(`heartbeat.py`); in Python, calls of your own function:
 
     with reported_to(lambda state: print(state)):
         train(run)
@@ -166,9 +166,9 @@ def stage(what: str) -> Iterator[None]:
 
 @contextmanager
 def reported_to(callback: ProgressCallback | None) -> Iterator[None]:
-    """Within this block nothing is drawn or printed, and the callback receives every change; None: no effect.
+    """Within this block, nothing is drawn or printed: the callback gets a `ProgressState` at every change.
 
-    What the callback raises ends the task.
+    An exception from the callback ends the task. With None as the callback, the block has no effect.
     """
     if callback is None:
         yield

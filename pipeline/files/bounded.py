@@ -12,8 +12,8 @@ from pathlib import Path
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 
 MEGABYTE = 1 << 20
-# Seconds without data after which a file counts as unreadable: a file on a dead network mount may block in
-# any call, without end. A slow disk delivers a megabyte in less.
+# Seconds without data after which a file counts as unreadable: a file on a dead network mount may block
+# any call indefinitely. A slow disk delivers a megabyte in less.
 STALLED = 20.0
 
 

@@ -154,7 +154,7 @@ def _row_columns(clip: Clip, about: Mapping[str, Any], rows: slice) -> dict[str,
 
 def _on_nodes(clip: Clip) -> tuple[Array, NDArray[np.uint8], Mapping[str, Array]]:
     """Positions (T, 20, 3) and states (T, 20) of the nodes, and the legs' angles (T,) in radians; all missing
-    for a clip whose joints are no body's."""
+    for a clip whose joints are not a body's."""
     try:
         positions, states = to_nodes(clip)
     except KinemimicError:

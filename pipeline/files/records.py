@@ -73,7 +73,7 @@ def convert(
 
 
 def one_of(choices: Sequence[str]) -> msgspec.Meta:
-    """The constraint of a text that is one of several words, for choices that are no Literal."""
+    """The constraint of a text that is one of several words, for choices that are not a Literal."""
     return msgspec.Meta(
         pattern=f"^(?:{'|'.join(map(re.escape, choices))})\\Z",
         description=f"one of {', '.join(choices)}",

@@ -108,7 +108,7 @@ def read_json(path: Path) -> Any:
         advice = f"; run `kinemimic {stage}` first" if stage else ""
         raise KinemimicError(f"{path}: expected a file, found none{advice}") from None
     except UnicodeError:
-        raise KinemimicError(f"{path}: expected JSON, found bytes that are no text in UTF-8") from None
+        raise KinemimicError(f"{path}: expected JSON, found bytes that are not UTF-8") from None
     except ValueError as error:
         raise KinemimicError(f"{path}: expected JSON, found {error}") from None
 

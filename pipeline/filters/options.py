@@ -17,6 +17,6 @@ ingest_options = option_group(
         help="Noise filter. Default: the Kalman smoother.",
     ),
     unit_option("Length unit of the file. Default: as declared by the format, or inferred from body size."),
-    rate_option("True frame rate of the file in Hz. Default: by the file's clock."),
+    rate_option("True frame rate of the file in Hz. Default: from the file's clock."),
     *video_options,
 )

@@ -84,7 +84,7 @@ class NodeRotations:
 def node_rotations_of(clip: Clip) -> NodeRotations:
     """Rotations of the 20 nodes, as recorded if the clip has rotations that fit its positions.
 
-    Knees and elbows are pure hinges. KinemimicError, as of `nodes.to_nodes`, if the clip lacks nodes.
+    Knees and elbows are pure hinges. Raises KinemimicError, as `nodes.to_nodes`, if the clip lacks nodes.
     """
     positions = to_nodes(clip)[0]
     shown = node_frames(positions)

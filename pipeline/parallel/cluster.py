@@ -21,7 +21,7 @@ _TOKEN = Path("~/.ray/auth_token")
 # 0 by default: else Ray takes a network interface's address for a loopback one, and listens on all of them.
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}
 _ON_LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
-_ADVICE = "; `ray start --head` starts one, and one that has a token needs it here too (~/.ray/auth_token)"
+_ADVICE = "; `ray start --head` starts one; if it has a token, put the token into ~/.ray/auth_token here"
 # One thread for every matrix product, as in worker processes: a result must not depend on a node's cores.
 ONE_THREAD = {"env_vars": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}}
 

@@ -1,8 +1,8 @@
 """Executors: where tasks run, in this process, in others on this machine, or on a cluster.
 
-A caller that takes an `Executor` does not know which. Where an executor has no disk in common with its
-caller (`shares_disk`), a task carries the bytes of its inputs, and its result those of its outputs; where it
-has, both carry paths, since to copy the files of every task through pipes would gain nothing there.
+Code that takes an `Executor` does not depend on which it is. If the executor shares no disk with its caller
+(`shares_disk`), a task carries the bytes of its inputs, and its result those of its outputs. Otherwise both
+carry paths, because copying the files of every task through pipes would gain nothing.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ class Interruption:
     def note(self, number: int = 0, _frame: FrameType | None = None) -> None:
         """The signal handler; raises KeyboardInterrupt at the second signal."""
         if number == signal.SIGHUP:
-            # Shell and kernel may both send one: further ones are no second request.
+            # Shell and kernel may both send one: further ones are not a second request.
             _leave_the_terminal()
         elif self.asked:
             raise KeyboardInterrupt
@@ -85,7 +85,7 @@ def _leave_the_terminal() -> None:
     """Point stdout and stderr to nowhere if they are terminals: writing to one that was closed fails."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for number in (1, 2):
-        # A closed terminal is no terminal for isatty any more, but still a device.
+        # For isatty, a closed terminal is not a terminal any more, but it is still a device.
         with contextlib.suppress(OSError):
             if stat.S_ISCHR(os.fstat(number).st_mode):
                 os.dup2(nowhere, number)

@@ -31,7 +31,7 @@ class RayExecutor:
     again elsewhere. It runs in a child of Ray's process, so that one that crashes or exceeds its limits costs
     only its own result. timeout (s), memory (bytes of address space): limits of a task.
     isolated: False carries tasks out in Ray's own process, without limits, for those that start processes, as
-    a training does; one that crashes is done again RETRIES times, and is then a Failure.
+    training does; one that crashes is done again RETRIES times, and is then a Failure.
     identity: what results depend on, called here and on every node: a function at a module's top level, or a
     `partial` of one, which raises KinemimicError where the tasks cannot be carried out.
     """

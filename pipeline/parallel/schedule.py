@@ -47,7 +47,7 @@ def makespan(tasks: int, cores: int, costs: TaskCosts) -> float:
 
 @dataclass(frozen=True)
 class RoundCosts:
-    """A round of a training: samples, in equal shares of whole environments; sample: s of one on one core;
+    """A round of training: samples, in equal shares of whole environments; sample: s of one on one core;
     update: s of the learner; weights: bytes, once to every node; sample_bytes: of one sample's return; call:
     s of the driver for each actor; bandwidth: of the driver's link, bytes/s."""
 

@@ -86,15 +86,15 @@ def read(
 ) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
-    A folder is read if it is a depth recording or one of FreeMoCap. unit: the file's unit of length in the
-    spelling of --unit (a key of `length_units.UNIT_OPTIONS`), overriding the file; by default the format's or
-    the header's unit, else the likeliest for the size of the body. rate: the true frame rate in Hz, replacing
-    the file's clock (`frame_rate.at_rate`). video: options of a video, which other files do not take;
-    landmarks: file in which those of a video are kept.
+    path: a file, or the folder of a depth recording or of FreeMoCap. unit: the file's unit of length, spelt
+    as for --unit (a key of `length_units.UNIT_OPTIONS`), in place of the file's own; by default the unit of
+    the format or the header, else the likeliest for the size of the body. rate: the true frame rate in Hz,
+    in place of the file's clock (`frame_rate.at_rate`). video: options for a video, an error for any other
+    file; landmarks: file in which the landmarks of a video are kept.
 
     provenance holds source (the file's name), format, sensor, sha256, sidecar_files (name -> SHA-256 of the
     other files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a
-    whole capture in a known format, KinemimicError for an unknown unit.
+    complete capture in a known format, KinemimicError for an unknown unit and a rate outside 1 to 1000 Hz.
     """
     named = parse_unit(unit)
     if is_recording(path):
@@ -166,7 +166,7 @@ def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
         if not _numbers(source.head[0]):
             return source.error(
                 expected="a capture",
-                found=f"a table of {width} numbers per line under a header of no known format, {start!r}",
+                found=f"a table of {width} numbers per line under an unknown header, {start!r}",
                 advice=describe,
             )
         candidates = [format.name for format in known if width in format.columns]

@@ -50,8 +50,8 @@ class FolderState:
             present = self.sha256(name)
             if made_from is not None and present is not None and present != made_from:
                 raise KinemimicError(
-                    f"{self.run / file}: expected to be made from {name} beside it, found made from another; "
-                    f"run `{command(stage, self.run)}` again"
+                    f"{self.run / file}: expected a file made from the present {name}, found one made from "
+                    f"another {name}; run `{command(stage, self.run)}` again"
                 )
 
     @cached_property

@@ -25,7 +25,7 @@ class Entry(Struct, forbid_unknown_fields=True, omit_defaults=True):
 
     inputs: file of the folder -> SHA-256, None if it was absent; sources: the same for files from elsewhere
     (the capture and its sidecar files); outputs: file -> SHA-256; version: of kinemimic; options: as given
-    to `run`, None if the stage was not run by it; unfinished: a training that is not at its end.
+    to `run`, None if the stage was not run by it; unfinished: training has not reached its end.
     """
 
     inputs: dict[str, str | None] = field(default_factory=dict)

@@ -43,7 +43,7 @@ from kinemimic.pipeline.virtual_kinect.walker import SPEEDS
     type=click.Choice(list(PLACEMENTS)),
     default="fixed",
     show_default=True,
-    help="How the sensor stands: level, with a wrong floor, without one, or turning with the walker.",
+    help="The sensor: level, with a wrong floor plane, without a floor plane, or turning with the walker.",
 )
 @json_option("Print the paths as JSON.")
 def command(
@@ -57,8 +57,8 @@ def command(
 ) -> None:
     """Record a person's walk or run with a virtual Kinect, as .skl and as BVH with Euler angles.
 
-    The person is a real one's walk or run, with strides that vary as people's do. Each file comes with its
-    true joint angles and a note of its origin. Recordings are marked as simulated.
+    The motion is a real person's walk or run, with strides that vary as people's do. Each file comes with
+    its true joint angles and a note of its origin. Recordings are marked as simulated.
 
     \b
       kinemimic datasets record walk --into recordings

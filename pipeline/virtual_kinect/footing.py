@@ -1,4 +1,4 @@
-"""The path of a body whose joints deviate from a gait cycle: it goes where its standing feet let it go.
+"""The path of a body whose joints deviate from a gait cycle: it follows from the feet in stance.
 
 A stride with a larger swing of the hips is longer, and a leg that is bent more carries the pelvis lower. The
 standing foot moves over the ground as it does in the recorded cycle (it rolls), not as a model would have it.

@@ -2,7 +2,7 @@
 
 The stock walk and run are half a cycle and its mirror image, with two discontinuities of 7 to 29 degrees.
 They are closed near the seams only, and the samples are joined by a periodic cubic spline: not by a Fourier
-series, the model of `retarget`, which would then be judged on its own kind.
+series, which is the model of `retarget`: its accuracy would then be tested on its own model.
 """
 
 from __future__ import annotations

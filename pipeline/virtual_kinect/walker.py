@@ -1,7 +1,7 @@
-"""A person who walks or runs before the virtual Kinect: not the stock cycle, but strides of a body.
+"""A person who walks or runs in front of the virtual Kinect, with strides that vary.
 
-`person` makes a gait of its own from the stock cycle: with a left and a right side that differ, and at a
-speed. `walk` takes its strides, each of them a little different.
+`person` makes one person's gait from the stock cycle: at a given speed, with left and right sides that
+differ. `walk` takes strides of that gait, each of them a little different.
 """
 
 from __future__ import annotations

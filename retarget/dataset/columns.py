@@ -1,4 +1,4 @@
-"""The columns of a data set: of its index, one row a capture, and of its shards, one row a frame."""
+"""The columns of a data set: of its index, one row per capture, and of its shards, one row per frame."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ FRAME_COLUMNS: Mapping[str, tuple[pa.DataType, str]] = {
         _SINGLES,
         f"unit quaternions of the {len(NODES)} nodes, child to parent, one after the other",
     ),
-    "contact_left": (pa.bool_(), "whether the left foot is on the ground"),
-    "contact_right": (pa.bool_(), "whether the right foot is on the ground"),
+    "contact_left": (pa.bool_(), "whether the left foot is flat and still on the ground"),
+    "contact_right": (pa.bool_(), "whether the right foot is flat and still on the ground"),
     **{f"{name}_deg": (pa.float32(), "flexion, 0 standing upright") for name in ANGLES},
 }
 

@@ -21,7 +21,7 @@ _KIND, _ADVICE = "the index of a data set of motions", "make it again with `kine
 
 
 def write_rows(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the index; keys of a row that are no columns are left out, missing ones are null."""
+    """Write the index; keys of a row that are not columns are left out, missing ones are null."""
     columns = {
         name: pa.array([row.get(name) for row in rows], type=kind)
         for name, (kind, _) in INDEX_COLUMNS.items()

@@ -1,4 +1,4 @@
-"""Balance of a walk: the root is displaced until the zero-moment point comes to the soles.
+"""Balance of a walk: the root is displaced to bring the zero-moment point nearer to the soles.
 
 The motion of the masses says where the ground's force would have to act: at the zero-moment point
 (Vukobratović and Borovac 2004, "Zero-moment point: thirty-five years of its life"). Outside the soles, no

@@ -16,6 +16,6 @@ def require_same_motion(path: Path, stated: object, motion: Motion, *, stage: st
     """
     if stated not in (None, motion.identity):
         raise KinemimicError(
-            f"{path}: expected the motion beside it, found that of another run; run "
-            f"`{command(stage, path.parent)}` again"
+            f"{path}: expected results of the motion in this folder, found those of another motion; "
+            f"run `{command(stage, path.parent)}` again"
         )

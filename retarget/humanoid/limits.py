@@ -22,7 +22,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 #   (Bennell et al. 1998, Australian Journal of Physiotherapy 44: 175-180);
 # - the wrist's twist is the forearm's (80), which a hinged elbow does not have, with 10 of its own;
 # - an arm raised forward goes 45 across the body, a swing of up to 85 inward; its twist is free: against the
-#   shortest swing it is no clinical rotation once the arm is up (Codman's paradox).
+#   shortest swing it is not the clinical rotation once the arm is up (Codman's paradox).
 # Left limbs: X lifts outward, Y backward, Z turns the front outward; the right side is their mirror image.
 # Trunk and neck: X bends to the right, Y forward, Z turns to the left.
 _TRUNK_LIMITS = {

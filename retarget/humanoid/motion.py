@@ -28,7 +28,10 @@ class Motion:
         neutral standing pose with hanging arms; end nodes (head, hands, feet) stay at the identity
     contacts: (T, 2) True where the left, right foot is flat and still, not wherever it touches the ground
     cyclic: whether frame T continues at frame 0, displaced by `cycle_offset` (3,) metres
+    offsets: (20, 3) of the nodes from their parents, metres
     provenance: JSON values, as in Clip
+
+    ValueError for arrays of other shapes, and for missing values.
     """
 
     rate: float
@@ -99,7 +102,7 @@ def node_kinematics(root: Array, rotations: Array, offsets: Array) -> tuple[Arra
 
 
 def joint_angles(rotations: Array) -> dict[str, Array]:
-    """Knee and hip flexion (...,) in radians from local node rotations (..., 20, 4), as in `ANGLES`.
+    """Knee and hip flexion from local node rotations (..., 20, 4): name in `ANGLES` -> radians (...,).
 
     Knee: rotation about the lateral axis. Hip: direction of the thigh in the pelvis' sagittal plane. The same
     function serves the reference and the simulated humanoid.

@@ -114,7 +114,7 @@ def plausible_variant(
         one = variant(loops, int(random.integers(len(loops))), random, kind, speed)
         if plausible(one, kind) and (accepted is None or accepted(one, kind)):
             return one
-    raise ValueError(f"none of {ATTEMPTS} variants is plausible: the loops are no gait of this kind")
+    raise ValueError(f"none of {ATTEMPTS} variants is plausible: the loops are not a {kind}")
 
 
 def plausible(motion: Motion, kind: str) -> bool:

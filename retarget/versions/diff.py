@@ -115,7 +115,7 @@ def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
         angle = np.degrees(4.0 * np.arcsin(np.minimum(1.0, nearer / 2.0)))
         return np.where(np.isinf(nearer), np.inf, angle), "°"
     if name == "euler":
-        # A full turn is no difference.
+        # A full turn is not a difference.
         return np.degrees(np.minimum(gap, np.abs(gap - 2.0 * np.pi)).max(-1)), "°"
     if name in _COUNTED:
         return (gap > 0).astype(np.float64), "other"
@@ -196,9 +196,9 @@ def _file_changes(before: Path, after: Path) -> dict[str, list[Change] | str]:
 def command(before: Path, after: Path, as_json: bool) -> None:
     """List the differences from BEFORE to AFTER in terms of motion: joints, degrees, millimetres, frames.
 
-    Each is a file (motion.json, a clip's .parquet, a file of `datasets build`), a folder of such files, for
-    example a run, or a data set of `batch`. Numbers are rounded to 1e-5, as in a locked data set. Exit status
-    1 if anything differs.
+    BEFORE and AFTER: files (motion.json, a clip's .parquet, a file of `datasets build`), folders of such
+    files, for example runs, or data sets of `batch`. Numbers are rounded to 1e-5, as in a locked data set.
+    Exit status 1 if anything differs.
 
     \b
       kinemimic datasets diff runs/before runs/after

@@ -46,7 +46,7 @@ _CRITIC_SAMPLES = 4096  # of the replay buffer, to measure its critic
 class GlobalRandomState:
     """numpy's and torch's global generators, which stable-baselines3 draws from, in a separate state.
 
-    Draws outside a training's rounds do not affect it, and it does not affect them.
+    Draws outside the rounds of training do not affect it, and it does not affect them.
     """
 
     def __init__(self, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Settings of a training and of its baselines, the presets, and their JSON.
+"""Settings of training and of the baselines, the presets, and their JSON.
 
 In: a preset's name and changes, or a stored configuration. Out: a checked `TrainConfig`.
 """

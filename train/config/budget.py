@@ -1,4 +1,4 @@
-"""Option types for the length of a training: samples such as 1M, and minutes."""
+"""Option types for the length of a training run: samples such as 1M, and minutes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings of a training; the presets are in `presets.py`."""
+"""Settings of a training run; the presets are in `presets.py`."""
 
 from __future__ import annotations
 
@@ -29,10 +29,19 @@ def scheduled_at(schedule: Schedule, samples: int) -> float:
 class TrainConfig:
     """Settings of PPO (see `ppo.py`), or of a baseline (see `baseline_config.py`).
 
-    start: SHA-256 of the policy from which the training starts, "" for random weights.
+    preset: its name in records; env: the task; hidden: units of each hidden layer of actor and critic.
+    num_envs: environments; horizon: control steps of each in a round; minibatch: samples per gradient step;
+    epochs: passes over a round. clip: half the range of the ratio around 1, None for no clipping. kl_penalty:
+    add the penalty of Eq. 6, with its rule (`ppo.adapt_penalty`) and initial coefficient; kl_target: KL
+    divergence per round, for the penalty and for adapt_rate. actor_rate, critic_rate: learning rates;
+    adapt_rate: adapt the actor's. discount, gae_lambda: of the advantages. action_std: standard deviation of
+    the exploration, in units of the action; learn_action_std: train it instead. scales: of the terms of the
+    reward; strength: of domain randomization, 0 to 1; body_error: metres. entropy: weight of the entropy;
+    entropy_decay: its factor per round. budget: samples in total. start: SHA-256 of the policy from which
+    training starts, "" for random weights. Schedules are points (samples, value), linear in between.
 
-    RecordError for a count below 1, if a round is not a whole number of the baseline's updates, and for a
-    schedule without points or with points out of order.
+    RecordError (a ValueError) for a count below 1, if `horizon` is not a multiple of the baseline's steps,
+    and for a schedule without points or with points out of order.
     """
 
     preset: str = "default"
@@ -61,7 +70,7 @@ class TrainConfig:
     )
     # Of domain randomization, 0 to 1: a policy that cannot walk yet learns nothing from pushes.
     strength: Schedule = ((0, 0.0),)
-    # In place of a tracker's `max_body_error`, which may narrow as it falls less; empty: constant.
+    # Replaces a tracker's `max_body_error`, so that it can shrink as the tracker falls less; empty: constant.
     body_error: Schedule = ()
     entropy: float = 0.0
     entropy_decay: float = 1.0

@@ -75,7 +75,7 @@ class Tracking:
     """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
     the difference to the reference now, in rotations, positions and velocities.
 
-    max_body_error: mean distance of the bodies from their references at which an episode ends, m; in a
+    max_body_error: mean distance of the bodies from their references at which an episode ends, m; in
     training, `TrainConfig.body_error` may change it. leash: the policy observes a reference that is farther
     away on the ground as if it were this far, m.
     """
@@ -88,10 +88,12 @@ class Tracking:
 class EnvConfig:
     """The task; durations in control steps of 1/30 s, lengths in metres, angles in radians.
 
+    episode: length of an episode. max_height_error, max_rotation_error, max_drift: errors of the pelvis's
+    height and rotation and of the path at which an episode ends.
     residual: actions correct the reference's joints; without it, they are the joint targets.
     velocity_feedforward, torque_feedforward: whether the stable PD also gets the reference's velocities and
     the torques of its inverse dynamics (`dynamics.py`). start_anywhere: episodes start at a random phase, not
-    at phase 0. mirror: the policy learns the first half of a gait cycle and plays the second mirrored; no
+    at phase 0. mirror: the policy learns half a gait cycle and performs the other half mirrored; no
     effect on non-cyclic or too asymmetric motions (`mirror.py`). preview: how many control steps ahead the
     policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
     the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion

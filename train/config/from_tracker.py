@@ -1,4 +1,4 @@
-"""Settings of trainings that start from a tracker and continue on one motion.
+"""Settings of training runs that start from a tracker and continue on one motion.
 
 The task stays that of the tracker, since the network knows no other.
 """
@@ -43,8 +43,8 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
     """Withstand pushes, low friction, other masses and late actions, as the preset `robust`.
 
     The tracker recovers from small errors already, so pushes start at once, and may be stronger. An episode
-    must outlast a recovery that takes the humanoid far from its reference: only a fall ends it. The reference
-    is observed at the end of its leash meanwhile.
+    must outlast a recovery that takes the humanoid far from its reference: only a fall ends it. Meanwhile,
+    the policy observes a reference that is never farther away than `leash`.
     """
     scratch = PRESETS["robust"]
     randomization = replace(

@@ -93,7 +93,10 @@ PRESETS: dict[str, TrainConfig] = {
 
 
 def preset(name: str, **changes: Any) -> TrainConfig:
-    """A preset by name, with changes."""
+    """The settings of a preset with some fields replaced; KinemimicError for an unknown name.
+
+    changes: fields of `TrainConfig`, for example preset("default", seed=1, budget=300_000).
+    """
     if name not in PRESETS:
         raise KinemimicError(f"expected a preset among {', '.join(PRESETS)}, found {name!r}")
     return replace(PRESETS[name], **changes)

@@ -8,8 +8,8 @@ from kinemimic.train.config.env_config import DomainRandomization, EnvConfig, Re
 TRACKER = "tracker"
 
 
-# Of the actor in a training that starts from a tracker: before it adapts, the usual rate would undo what that
-# has learned.
+# Learning rate of the actor when training starts from a tracker: until it adapts, the usual rate would undo
+# what the tracker has learned.
 START_RATE = 4e-5
 
 
@@ -46,7 +46,7 @@ def tracker_config() -> TrainConfig:
             "path": ((38_000_000, 8.0), (39_000_000, 16.0)),
         },
         strength=((38_000_000, 0.0), (39_000_000, 1.0)),
-        # The one that ships ended before it narrows.
+        # Training of the shipped tracker ended before this shrinks.
         body_error=((54_000_000, 0.5), (60_000_000, 0.4)),
         budget=60_000_000,
     )

@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Floats
 from kinemimic.train.ppo.mlp import Mlp, choose_gradient_dtype
 from kinemimic.train.rollout.policy import Policy, normalized
 
-# Samples that the statistics of a policy count for when a training starts from it.
+# Samples that the statistics of a policy count for when training starts from it.
 START_COUNT = 1e7
 
 

@@ -1,6 +1,6 @@
-"""Evaluations during a training: episodes of the policy without exploration noise and domain randomization.
+"""Evaluations during training: episodes of the policy without exploration noise and domain randomization.
 
-A training with domain randomization adds a robustness evaluation (`robustness.py`). The results decide which
+Training with domain randomization adds a robustness evaluation (`robustness.py`). The results decide which
 policy is kept, so evaluations are due by the number of samples and not by the clock.
 """
 
@@ -84,7 +84,7 @@ class Evaluation:
     episode; reward: mean of the episodes; robust_return: mean
     reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
     error as a share of its targets' variance, mean of the rounds since the last evaluation; completed: number
-    of the `episodes` without a fall, None in trainings of earlier versions.
+    of the `episodes` without a fall, None in records of earlier versions.
     """
 
     samples: int

@@ -46,7 +46,7 @@ class Policy:
 
     layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of the observations;
     activation: of the hidden units; bound: of the actions, by a tanh, None for unbounded actions;
-    critic: layers of the value network if another training may start from this policy, or none.
+    critic: layers of the value network if other training may start from this policy, or none.
     """
 
     layers: tuple[tuple[Floats, Floats], ...]

@@ -1,7 +1,7 @@
 """Training samples: environments stepped with a numpy policy and exploration noise.
 
 Every round resets the humanoids to the state they are in, so that the engine forgets contacts and warm
-starts. A few arrays then hold all that a round depends on, and a training resumed from them continues bit for
+starts. A few arrays then hold all that a round depends on, and training resumed from them continues bit for
 bit as if it had never been interrupted.
 """
 

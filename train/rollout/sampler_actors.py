@@ -1,4 +1,4 @@
-"""The samplers of a training as Ray actors; one that is lost is replaced, and its round done again."""
+"""The samplers of a training run as Ray actors; one that is lost is replaced, and its round done again."""
 
 from __future__ import annotations
 

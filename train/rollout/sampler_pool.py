@@ -1,4 +1,4 @@
-"""What shares the environments of a training: samplers elsewhere, which are asked all at once."""
+"""The interface to the samplers that share the environments of a training run; all are called at once."""
 
 from __future__ import annotations
 

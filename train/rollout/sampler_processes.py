@@ -1,4 +1,4 @@
-"""The samplers of a training in worker processes of this machine, one per core."""
+"""The samplers of a training run in worker processes of this machine, one per core."""
 
 from __future__ import annotations
 

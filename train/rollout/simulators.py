@@ -1,4 +1,4 @@
-"""Where a training simulates: in processes of this machine, or on the nodes of a Ray cluster."""
+"""Where training simulates: in processes of this machine, or on the nodes of a Ray cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The environments of a training, divided among several samplers: processes, or actors of a cluster."""
+"""The environments of a training run, divided among several samplers: processes, or actors of a cluster."""
 
 from __future__ import annotations
 

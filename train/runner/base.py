@@ -23,7 +23,7 @@ OTHER = "other"
 
 @dataclass
 class TrainingProgress:
-    """Counters of a training.
+    """Counters of a training run.
 
     seconds_by: wall time by purpose (`timer.py`), of this call and those before it; exploded: humanoids
     whose state the engine lost so far; losses: the critic's `normalized_loss` of each round since the last

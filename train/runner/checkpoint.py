@@ -1,4 +1,4 @@
-"""Checkpoints: a safetensors file with all arrays of a training, and its record in the metadata."""
+"""Checkpoints: a safetensors file with all arrays of a training run, and its record in the metadata."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Arrays = dict[str, NDArray[Any]]
 
 @dataclass
 class TrainingState:
-    """The complete state of a training between two rounds.
+    """The complete state of a training run between two rounds.
 
     env_states: of the next round's start, None before the first one; best: policy of the best evaluation.
     """
@@ -48,7 +48,7 @@ class TrainingState:
 
 
 def save(path: Path, training: TrainingState, motion: str) -> None:
-    """Write a training; `motion` is the content hash of the motion.
+    """Write a training state; `motion` is the content hash of the motion.
 
     FloatingPointError, and nothing written, if the algorithm holds infinite or NaN values.
     """
@@ -80,9 +80,9 @@ def save(path: Path, training: TrainingState, motion: str) -> None:
 
 
 def restore(path: Path, training: TrainingState, motion: str, *, advice: str = "delete it") -> bool:
-    """Load `path` into a training; False for another motion or configuration, budgets aside.
+    """Load `path` into a training state; False for another motion or configuration, budgets aside.
 
-    advice: what to do about a damaged checkpoint, for messages. KinemimicError for one; the training is then
+    advice: what to do about a damaged checkpoint, for messages. KinemimicError for one; the state is then
     unusable.
     """
     require_regular(path, "a checkpoint")

@@ -19,9 +19,9 @@ from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 def training_verdict(
     record: Mapping[str, Any], gait: Mapping[str, Any] | None = None, where: str = ""
 ) -> Verdict:
-    """The verdict on the best evaluation of a training, from the content of policy.json and gait.json.
+    """The verdict on the best evaluation of a training run, from the content of policy.json and gait.json.
 
-    An evaluation measures no path, and has fewer phases than `evaluate`. where: as of `judge`.
+    An evaluation measures no path, and has fewer phases than `evaluate`. where: as for `judge`.
     """
     kept, gait = Evaluation(**record["best"]), gait or {}
     phases = kept.episodes or 1
@@ -43,7 +43,7 @@ def training_verdict(
 
 
 def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
-    """The lines at the end of a training in a run folder; record: content of policy.json."""
+    """The lines at the end of training in a run folder; record: content of policy.json."""
     gait = read_gait_json(path) if (path := run / "gait.json").exists() else None
     where = run_flag(run)
     found, kept = training_verdict(record, gait, where), Evaluation(**record["best"])

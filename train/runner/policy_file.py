@@ -1,4 +1,4 @@
-"""policy.safetensors and policy.json: the best policy so far, from the first evaluation of a training on."""
+"""policy.safetensors and policy.json: the best policy so far, from the first evaluation on."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PREVIOUS_POLICY = "policy.previous.safetensors"
 
 @dataclass(frozen=True)
 class Imitated:
-    """What a training imitates.
+    """What a training run imitates.
 
     source: "motion" or "library"; identity: its content hash; phases: start phases of the evaluations;
     mirrored: whether the policy mirrors; simulated: whether it is of a simulated capture.
@@ -43,9 +43,9 @@ class Imitated:
 
 
 class PolicyFile:
-    """The policy of a training in its run folder.
+    """The policy of a training run in its run folder.
 
-    resumed: False if the training has just begun; a policy of a finished training in the folder is then
+    resumed: False if training has just begun; the policy of a finished training run in the folder is then
     kept as policy.previous.safetensors and .json.
     """
 

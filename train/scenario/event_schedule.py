@@ -22,7 +22,7 @@ from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
 
 # Redraws of an obstacle that overlaps the humanoid or another obstacle.
 _DRAWS = 50
-_LOOKS = 100  # trials that `check` draws before a training
+_LOOKS = 100  # trials that `check` draws before training
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def slope_tilt(slope: float, uphill: float) -> Array:
 
 
 def check(scenario: Scenario, reference: Reference) -> None:
-    """Draw trials from many phases; KinemimicError, as of `draw_event_schedule`, if one cannot be drawn."""
+    """Draw trials from many phases; raises KinemimicError, as `draw_event_schedule`, if one is impossible."""
     for number in range(_LOOKS):
         random = np.random.default_rng(number)
         draw_event_schedule(scenario, reference, float(scenario.phase.draw(random)[0]), random)

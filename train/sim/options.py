@@ -15,5 +15,5 @@ engine_option: Decorator = click.option(
     help="Simulation engine; auto: native if it is built, else pybullet.",
 )
 workers_option: Decorator = click.option(
-    "--workers", type=click.IntRange(min=1), help="Number of simulation processes. Default: all cores."
+    "--workers", type=click.IntRange(min=1), help="Number of simulation processes. Default: one per core."
 )

@@ -39,7 +39,7 @@ from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.runner import TrackerAlgorithm, TrackerRunner, TrackerWorkers
 
 TABLES = "references"
-EVALUATED = 64  # motions of the training part
+EVALUATED = 64  # motions of the split "train"
 
 
 def train_tracker(
@@ -55,11 +55,11 @@ def train_tracker(
     engine: str = "auto",
     ray: str | None = None,
 ) -> dict[str, Any]:
-    """Train a tracker on the training part of the library in `source`; returns the policy's record.
+    """Train a tracker on the split "train" of the library in `source`; returns the policy's record.
 
     Writes policy.safetensors, policy.json, checkpoint.safetensors and TensorBoard's curves to `out`; the next
     call resumes from the checkpoint, with the same result as one call. The policy that is kept is the best of
-    the evaluations on EVALUATED motions of the training part: no motion of the part "test" chooses it.
+    the evaluations on EVALUATED motions of the split "train": no motion of the split "test" chooses it.
     config: settings in place of `tracker_config`; start: name or folder of a tracker to start from, whose
     samples count towards the budget and the schedules; budget, minutes, seed, workers, engine, ray: as
     for `train`.
@@ -133,7 +133,7 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
 
 
 def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, identity: str) -> Path:
-    """Folder of the tables of the training part; they are made once for a library."""
+    """Folder of the tables of the split "train"; they are made once for a library."""
     stamp = folder / "library"
     if not stamp.exists() or stamp.read_text() != identity:
         stamp.unlink(missing_ok=True)
@@ -154,7 +154,7 @@ def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, ide
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help="Folder of the policy and its checkpoint.")  # fmt: skip
 @click.option("--from", "start", metavar="POLICY",
-              help="Start from this tracker, a name or a folder; its samples count.")  # fmt: skip
+              help="Start from this tracker, a name or a folder; --budget includes its samples.")  # fmt: skip
 @click.option("--budget", type=samples, help="Samples (control steps) in total. Default: 60M.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
@@ -174,7 +174,7 @@ def command(
     engine: str,
     as_json: bool,
 ) -> None:
-    """Train one policy for any motion on the training part of LIBRARY (see `kinemimic library`).
+    """Train one policy for any motion on the split `train` of LIBRARY (see `kinemimic library`).
 
     Takes hours; Ctrl-C saves, and the same command resumes.
 
@@ -191,12 +191,12 @@ def command(
         return
     best = record["best"]
     click.echo(
-        f"performs {best['completed']} of {best['episodes']} motions of the training part to their end, "
+        f"performs {best['completed']} of {best['episodes']} motions of the split `train` to their end, "
         f"after {best['samples']:,} samples"
     )
     click.echo(
         f"{out / POLICY}: {record['samples']:,} samples "
-        + ("" if start is None else "(with those of the start) ")
+        + ("" if start is None else "(including those of --from) ")
         + f"in {in_minutes(record['seconds'])}, seed {seed}\n"
-        f"`kinemimic run CAPTURE --policy {out}` performs with it."
+        f"`kinemimic run CAPTURE --policy {out}` performs a capture with it."
     )

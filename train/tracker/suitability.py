@@ -24,14 +24,14 @@ _PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in 
 
 
 def unsuitable(motion: Motion, report: Mapping[str, Any] | None = None) -> str | None:
-    """What shows that a motion is no gait on level ground, all that trackers know; None if nothing does.
+    """What shows that a motion is not a gait on level ground, all that trackers know; None if nothing does.
 
     report: its gait.json, if there is one, which knows whether a loop's capture climbed.
     """
     if found := (report or {}).get("climb"):
         angle, rise = found.get("angle_deg") or 0.0, found.get("total_m") or 0.0
         if found.get("certain") and abs(rise) > CLIMB and abs(angle) > np.degrees(STEEP):
-            return f"a walk that climbs or sinks by {abs(rise):.2f} m in the capture, at {abs(angle):.0f}°"
+            return f"a walk that climbs or descends {abs(rise):.2f} m in the capture, at {abs(angle):.0f}°"
     positions, frames = motion.kinematics()
     for part in _PARTS:
         height = positions[:, NODE_INDEX[part], 2]
@@ -48,5 +48,5 @@ def unsuitable(motion: Motion, report: Mapping[str, Any] | None = None) -> str |
         lean = np.degrees(np.arccos(np.clip(up[where], -1.0, 1.0)))
         return f"the pelvis leaning by {lean:.0f}° in frame {where}"
     if (climb := abs(float(hip[-1] - hip[0]))) > CLIMB:
-        return f"hips that climb or sink by {climb:.2f} m"
+        return f"hips that rise or fall by {climb:.2f} m"
     return None

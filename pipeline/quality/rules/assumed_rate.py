@@ -83,7 +83,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     count = len(clip.times)
     gait = gait_of(clip)
     if gait is None:
-        text = f"{found}, which is assumed; without a clear gait to judge it by: give the true rate as --rate"
+        text = f"{found}, which is assumed; no clear gait confirms it: give the true rate as --rate"
         return clip, [Defect("wrong_rate", count, "frames", "flagged", text)]
     shown = f"{gait.stride:.2f} s per stride, {120.0 / gait.stride:.0f} steps/min"
     other = gait if declared is None else gait.at(declared / rate)
@@ -94,13 +94,13 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     shown += f", knees to {np.degrees(gait.knees):.0f}°, steps of {gait.step:.2f} m"
     if declared is not None and other.human:
         text = (
-            f"{found}, but the gait is a human's at {declared:g} Hz ({120.0 / other.stride:.0f} steps/min) "
-            f"rather than at {rate:g} ({shown}): left at {declared:g} Hz; give the true rate as --rate"
+            f"{found}, but the gait is plausible at {declared:g} Hz ({120.0 / other.stride:.0f} steps/min) "
+            f"rather than at {rate:g} Hz ({shown}): left at {declared:g} Hz; give the true rate as --rate"
         )
         times = clip.times[0] + (clip.times - clip.times[0]) * rate / declared
         return replace(clip, times=times), [Defect("wrong_rate", count, "frames", "flagged", text)]
     text = (
-        f"{found}, which is assumed, but the gait is no human's at that rate ({shown}): "
+        f"{found}, which is assumed, but no human walks or runs like this at that rate ({shown}): "
         "give the true rate as --rate"
     )
     return clip, [Defect("wrong_rate", count, "frames", "flagged", text)]

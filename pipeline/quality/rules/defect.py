@@ -25,7 +25,7 @@ RULES: dict[str, str] = {
     "impossible_limbs": "impossible limbs",
     "bone_drift": "bone-length drift",
     "swapped_sides": "left and right swapped",
-    "knee_sign": "knee bends to the front",
+    "knee_sign": "knee bends forward",
     "jumps": "single-frame jumps",
     "gaps": "gaps",
 }

@@ -36,8 +36,8 @@ def detect(clip: Clip) -> list[Defect]:
     if flipped.any():
         count = int(flipped.sum())
         text = (
-            f"{plural(count, 'knee angle')} to the front beyond {np.degrees(HYPEREXTENSION):.0f}°, "
-            "counted as flexion: the noise of this sensor hides the sign; positions stay"
+            f"{plural(count, 'knee angle')} more than {np.degrees(HYPEREXTENSION):.0f}° forward, "
+            "counted as flexion: the noise of this sensor hides the sign; positions are unchanged"
         )
         found.append(
             Defect(

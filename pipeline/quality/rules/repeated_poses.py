@@ -1,7 +1,7 @@
 """Poses that repeat bit for bit for long: a person who stands, a sensor that froze, or nobody in view.
 
-Formats without a code for "nobody" make recorders repeat the last pose until a subject returns. A sensor that
-froze goes on with the body where it has got to meanwhile. Held poses of an animation are a person who stands.
+Formats without a code for "nobody" make recorders repeat the last pose until a subject returns. After a
+freeze, the body is where it has moved to in the meantime. Held poses of an animation count as standing.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _REMOTE_ADVICE = (
     f"a whole body may be up to {MAX_DISTANCE / 1000:g} km away, but not one joint, or for one frame; "
     "set another unit with --unit"
 )
-# Fewer joints are no body.
+# Fewer joints are not a body.
 _FEWEST_JOINTS = 3
 # A run of this many late lines is more than a stutter of the clock.
 _SECOND_RECORDING = 10
@@ -77,7 +77,7 @@ def refuse_remote(
     *,
     unit: str = "m",
 ) -> None:
-    """Raise CaptureError for the first coordinate that is no measurement (see `_remote`).
+    """Raise CaptureError for the first coordinate that is not a measurement (see `_remote`).
 
     points: (T, J, 3) metres; joints: (J,) names as in the file; where: place of a frame in the file; unit: of
     the file's numbers, for the message. If the user names another unit, the values are not metres yet, and
@@ -94,8 +94,8 @@ def refuse_remote(
 
 
 def _remote(points: Array) -> tuple[int, int, int] | None:
-    """Frame, joint and axis of the first coordinate that is no measurement, or None. NaN and infinity mean
-    "not seen" and pass.
+    """Frame, joint and axis of the first coordinate that is not a measurement, or None. NaN and infinity
+    mean "not seen" and pass.
 
     points: (T, J, 3) metres. Any coordinate up to MAX_COORDINATE passes. One beyond is a measurement if the
     whole body is there, as in a long walk or far from a laboratory's origin: no joint is farther than that

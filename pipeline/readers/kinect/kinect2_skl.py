@@ -185,7 +185,7 @@ def order_of(label: str, indices: tuple[int, ...], frames: Frames) -> JointOrder
     bones = {joint: distance(joint, SDK_PARENTS[SDK_JOINTS.index(joint)]) for joint in _ADULT_LENGTHS}
     ratios = np.maximum(list(bones.values()), 1e-4) / np.array(list(_ADULT_LENGTHS.values()))
     known = ratios[np.isfinite(ratios)]
-    # Too few bones are no evidence of a body.
+    # Too few bones are not evidence of a body.
     enough = len(known) > len(bones) // 2
     factor = float(np.exp(np.mean(np.abs(np.log(known))))) if enough else np.inf
     return JointOrder(label, indices, bones, factor)

@@ -3,7 +3,7 @@
 Line 1 has pairs of a key and its value (Format Version, Export Frame Rate, Length Units …). Below are lines
 that say for each column its type (Bone, Marker, Rigid Body …), the name and ID of what it belongs to, whether
 it is a rotation or a position, and X, Y, Z (and W, or an error), the last beside "Frame" and
-"Time (Seconds)"; then a line a frame. A skeleton's bones are read at their joints; without a skeleton, the
+"Time (Seconds)"; then a line per frame. A skeleton's bones are read at their joints; without a skeleton, the
 named markers. Y is up in Motive's default axes.
 """
 

@@ -2,7 +2,7 @@
 
 A section is a title ("Trajectories", "Model Outputs"), the rate, a line of names, each above the first of its
 columns, a line of components under "Frame,Sub Frame" (X Y Z, or RX RY RZ TX TY TZ SX SY SZ), a line of units,
-and a line a frame, to a blank line or the end of the file. Cells of what was not seen are empty.
+and a line per frame, up to a blank line or the end of the file. Cells without a measurement are empty.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Trajectories that Qualisys Track Manager exported (TSV).
 
 Lines of a key and its values (NO_OF_FRAMES, FREQUENCY, MARKER_NAMES …), perhaps a line of column names
-("Frame", "Time", "LASI X" …), then a line a frame: perhaps its number and time, and X, Y, Z of every marker
+("Frame", "Time", "LASI X" …), then a line per frame: perhaps its number and time, and X, Y, Z of every marker
 in millimetres. Cells of a marker that was not seen are empty or zero. Z is up in QTM's default axes.
 """
 

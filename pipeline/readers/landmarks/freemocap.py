@@ -1,7 +1,7 @@
 """FreeMoCap: MediaPipe's landmarks triangulated from several cameras, in a recording's folder.
 
 The folder holds output_data/ with body_3d_xyz.csv (older versions: mediapipe_body_3d_xyz.csv): a column for
-each coordinate of each of the 33 landmarks, "body_nose_x" or "nose_x", and a row a frame, in millimetres, Z
+each coordinate of each of the 33 landmarks, "body_nose_x" or "nose_x", and a row per frame, in millimetres, Z
 up once the recording is aligned with the ground. FreeMoCap writes no times there, frames are those of the
 videos; a column of times that somebody added is read. Either the folder or the table may be passed.
 """

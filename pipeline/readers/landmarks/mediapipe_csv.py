@@ -1,10 +1,10 @@
 """MediaPipe's 33 pose landmarks as a table. There is no official layout; programs write two.
 
-One row a frame, a column for each number of each landmark: "landmark_0_x", "L0_x", "x0" or "left_knee_x",
-with visibility and presence. Or the landmark's number in the row:
-"Frame,Time (ms),Landmark,X,Y,Z,Visibility", either one row a landmark, or all landmarks of a frame behind
-each other under the header of the first. A frame without a person has empty cells. Only landmarks in metres
-are a capture (blaze_pose.py).
+Either one row per frame, with a column for each number of each landmark: "landmark_0_x", "L0_x", "x0" or
+"left_knee_x", with visibility and presence. Or the landmark's number in the row:
+"Frame,Time (ms),Landmark,X,Y,Z,Visibility", with one row per landmark, or with all landmarks of a frame one
+after the other under the header of the first. A frame without a person has empty cells. Only landmarks in
+metres are a capture (blaze_pose.py).
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ class _Content:
 
 
 def _wide(names: list[str], line: int, source: Source) -> _Content:
-    """The content of a table with one row a frame."""
+    """The content of a table with one row per frame."""
     index_of_columns(names, source, line)
     clock = clock_column(names)
     table = parse_sparse_table(

@@ -1,12 +1,12 @@
 """MediaPipe's 33 pose landmarks as JSON. There is no official layout; this reads what its results look like.
 
 A list of frames, or an object with one ("frames", "results", "data"). A frame has pose_world_landmarks (or
-world_landmarks, poseWorldLandmarks, worldLandmarks): 33 landmarks of one person, or a list of people, of whom
-the first is read; a person's may be in an object, as its "landmark" or "landmarks". A landmark is an object
+world_landmarks, poseWorldLandmarks, worldLandmarks): 33 landmarks of one person, or of several, and the
+first is read; the landmarks may be in an object, under "landmark" or "landmarks". A landmark is an object
 with x, y, z, perhaps visibility and presence, or a list of these in that order. A frame without a person has
-an empty list or null. Image landmarks (pose_landmarks, landmarks) are passed over; of a list that does not
-say which it is, the body tells (blaze_pose.py). Times are in the frames, or the video's rate ("fps") is
-beside them.
+an empty list or null. Image landmarks (pose_landmarks, landmarks) are ignored; if the key does not say
+which they are, the size of the body decides (blaze_pose.py). Times are in the frames, or the rate of the
+video ("fps") is beside them.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ PELVIS_POSITION: tuple[str, ...] = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 REQUIRED: tuple[str, ...] = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l")
 # Radians of a full turn, and of a knee's range in walking.
 _FULL_TURN, _MOVING_KNEE = 2.0 * np.pi, 0.5
-# Percentile of the magnitudes of an angle that stands for the largest: one damaged number is no evidence.
+# Percentile of the magnitudes of an angle that stands for the largest: one damaged number is not evidence.
 _MOST = 95.0
 # Radians, metres and seconds; larger values are damage.
 _MAX_ANGLE, _MAX_POSITION, _MAX_TIME = 100.0, 1e4, 1e6

@@ -147,7 +147,7 @@ SIDES: tuple[str, ...] = ("left", "right")
 _JOINT_CENTRE = re.compile(r"([lr])(?:eft|ight)?([hkasew])jc(?:study)?")
 _JOINT_OF_LETTER = {"h": "hip", "k": "knee", "a": "ankle", "s": "shoulder", "e": "elbow", "w": "wrist"}
 _FIRST_WORD = re.compile(r"([^_.\s-]*)[_.\s-]+(.*[A-Za-z].*)")
-# A word before fewer labels is no subject's name: Top.Head alone says nothing about "Top".
+# A word before fewer labels is not a subject's name: Top.Head alone says nothing about "Top".
 _FEWEST_OF_SUBJECT = 4
 
 
@@ -190,7 +190,7 @@ def _joint_name(label: str) -> str:
 def without_subject(labels: Sequence[str]) -> tuple[str, ...]:
     """The labels without a subject's name, before a colon ("Jim:LASI") or as first word of most ("Jim_LASI").
 
-    A side ("L_IAS") is no name.
+    A side ("L_IAS") is not a name.
     """
     bare = tuple(label.rsplit(":", 1)[-1].strip() for label in labels)
     while True:

@@ -316,8 +316,8 @@ def _assumed_shoulders(frame: Pelvis, centres: Mapping[str, Array], notes: list[
     tall = _stature(centres)
     tilt = standing_tilt(frame, centres["hip_center"], ankles, (THIGH + SHANK) * tall)
     notes.append(
-        "no markers on the trunk: it is assumed in line with the standing legs, and the pelvis tilted "
-        f"{np.degrees(tilt):.0f} degrees from it; hip angles to a neutral pelvis do not contain that tilt"
+        "no markers on the trunk: it is assumed in line with the legs in standing, with the pelvis tilted by "
+        f"{np.degrees(tilt):.0f} degrees; hip angles relative to a neutral pelvis exclude this tilt"
     )
     return np.asarray(centres["hip_center"] + TRUNK * tall * upright_trunk(frame, tilt))
 

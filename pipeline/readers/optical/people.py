@@ -54,7 +54,7 @@ def without_others(labels: tuple[str, ...], points: Array) -> tuple[list[int], t
     main = seen_most(frames)
     others = {k for name, members in people.items() if name != main for k in members}
     kept = [k for k in range(len(labels)) if k not in others]
-    # What stands before a label is known to be no part of it (marker_names.py), unlike what stands behind it.
+    # What stands before a label is known not to belong to it (marker_names.py), unlike what stands behind it.
     new = tuple(bare[k] if labels[k].startswith(bare[k]) else labels[k] for k in kept)
     return kept, new, other_people(frames, main)
 

@@ -112,8 +112,8 @@ def recognises(source: Source) -> bool:
 def read(source: Source) -> Clip:
     """The motion as a clip of 22 joints with rotations, every joint tracked.
 
-    Raises CaptureError for a damaged archive, arrays of other shapes, and numbers that are no rotation, path
-    or rate.
+    Raises CaptureError for a damaged archive, arrays of other shapes, and numbers that are not a rotation,
+    path or rate.
     """
     arrays = read_arrays(source, ("poses", "root_orient", "pose_body", "trans", *_RATES, "gender"))
     turns = _turns(arrays, source)

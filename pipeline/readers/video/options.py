@@ -13,9 +13,12 @@ HEIGHTS, FIELDS_OF_VIEW = (0.5, 2.6), (10.0, 150.0)
 
 @dataclass(frozen=True)
 class VideoOptions:
-    """height: metres, of the person, or None for an average adult's; fov: degrees, field of view along the
-    longer side of the image, or None for a phone's main camera; person: number from the left, or None for the
-    largest; model: a landmark network of one's own, or None.
+    """What a video does not say about itself; None: the default.
+
+    height: of the person, metres (0.5 to 2.6), by default an average adult's; fov: field of view along the
+    longer side of the image, degrees (10 to 150), by default that of a phone's main camera; person: number
+    from the left, from 1, by default the largest; model: a BlazePose landmark model (.tflite) in place of the
+    standard one. KinemimicError for other values.
     """
 
     height: float | None = None

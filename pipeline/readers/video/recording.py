@@ -134,7 +134,7 @@ def _reading(track: LandmarkTrack, body: FittedBody, options: VideoOptions) -> d
             f"the person is assumed to be {stature:.2f} m tall: --height scales all lengths and speeds"
         )
     if options.fov is None:
-        notes.append("the field of view is assumed, as of a phone's main camera: --fov sets it")
+        notes.append("the field of view is assumed to be that of a phone's main camera: --fov sets it")
     if track.people > 1:
         which = "the largest" if options.person is None else f"number {options.person} from the left"
         notes.append(f"up to {track.people} people in view; this is {which} (--person)")
