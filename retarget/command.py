@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
 from kinemimic.retarget.strides.excerpt import Excerpt, excerpt_of_bout, excerpt_of_pass
 from kinemimic.retarget.strides.selection import Selection, select_bouts
+from kinemimic.retarget.strides.sensor_reliability import SensorReliability
 from kinemimic.retarget.table import refusals, table
 
 
@@ -69,32 +71,35 @@ def retarget(
     KinemimicError if the capture has no pass, for an unknown segment, and for a loop (loop=True) without
     usable strides or with straighten=False.
     """
+    options = _Options(symmetric, refined, ankle, loop, straighten, segment, balance)
     with stage(run, "retarget") as out:
-        return _retarget(
-            run,
-            out,
-            symmetric=symmetric,
-            refined=refined,
-            ankle=ankle,
-            loop=loop,
-            straighten=straighten,
-            segment=segment,
-            balance=balance,
-        )
+        return _retarget(run, out, options)
 
 
-def _retarget(
-    run: Path,
-    out: Path,
-    *,
-    symmetric: bool | None,
-    refined: bool,
-    ankle: AnkleMode,
-    loop: bool | None,
-    straighten: bool | None,
-    segment: str | None,
-    balance: bool,
-) -> Motion:
+@dataclass(frozen=True)
+class _Options:
+    """The arguments of `retarget`."""
+
+    symmetric: bool | None
+    refined: bool
+    ankle: AnkleMode
+    loop: bool | None
+    straighten: bool | None
+    segment: str | None
+    balance: bool
+
+
+@dataclass(frozen=True)
+class _Result:
+    """A motion, the reliability and the parts of the passes that it was made from, and its gait.json."""
+
+    motion: Motion
+    reliability: SensorReliability
+    spans: list[PassSpan]
+    report: dict[str, Any]
+
+
+def _retarget(run: Path, out: Path, options: _Options) -> Motion:
     source = read_converted(run)
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
     truth = read_truth(run / "truth.parquet")
@@ -102,72 +107,69 @@ def _retarget(
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
     toes = shows_feet(clip.states)
     bouts = find_bouts(clip.times, clip.passes, clip.positions, toes=toes)
-    if segment is not None:
-        clip = only_segment(clip, find_segments(clip, clip.positions, bouts), segment)
+    if options.segment is not None:
+        clip = only_segment(clip, find_segments(clip, clip.positions, bouts), options.segment)
         bouts = find_bouts(clip.times, clip.passes, clip.positions, toes=toes)
     selection = select_bouts(bouts)
-    if loop and straighten is False:
+    if options.loop and options.straighten is False:
         raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")
-    if loop and not selection.bouts:
+    if options.loop and not selection.bouts:
         raise KinemimicError(f"{run}: expected strides for --loop, {_no_strides(clip, bouts, selection)}")
-    report, why = None, "" if selection.bouts else _no_strides(clip, bouts, selection)
-    if selection.bouts and loop is not False and straighten is not False:
-        fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
-        reliability = fit.reliability
-        done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=balance)
-        if report["balance"] is not None and refusals(report):
-            # A displaced root changes hips and knees, in rare cases by more than the gate accepts.
-            done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=False)
-        motion = done.motion
-        spans = [
-            PassSpan(
-                one.pass_number,
-                clip.times[one.frames],
-                one.turn,
-                one.phase,
-                np.asarray(one.leg_mask().any(axis=1)),
-            )
-            for one in selection.bouts
-        ]
-        if loop is None and selection.strides < MIN_STRIDES and (refused := refusals(report)):
+    found, why = None, "" if selection.bouts else _no_strides(clip, bouts, selection)
+    if selection.bouts and options.loop is not False and options.straighten is not False:
+        found = _as_loop(clip, bouts, selection, options)
+        few = options.loop is None and selection.strides < MIN_STRIDES
+        if few and (refused := refusals(found.report)):
             # So short a walk may close into no loop, and still be a motion.
-            report, why = None, f"{selection.strides:.1f} strides make no loop ({'; '.join(refused)})"
-    if report is None:
-        excerpt = _excerpt(clip, bouts, straighten=bool(straighten))
-        plain = fit_noncyclic(clip, excerpt)
-        reliability, motion = plain.reliability, plain.motion
-        if refined:
-            motion = refine(motion, plain.seen)
-        chosen = segment is not None
-        report = noncyclic_report(clip, bouts, excerpt, plain, motion, why, chosen=chosen)
-        spans = [PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, plain.phase)]
+            found, why = None, f"{selection.strides:.1f} strides make no loop ({'; '.join(refused)})"
+    if found is None:
+        found = _as_recorded(clip, bouts, options, why)
     record = {
         "simulated": clip.simulated,
         "capture": dict(source.provenance),
-        **provenance(
-            "retarget",
-            inputs={"clip": _hash(clip), "raw": _hash(raw)},
-            config={
-                "symmetric": symmetric,
-                "refined": refined,
-                "ankle": ankle,
-                "loop": loop,
-                "straighten": straighten,
-                "segment": segment,
-                "balance": balance,
-            },
-        ),
+        **provenance("retarget", inputs={"clip": _hash(clip), "raw": _hash(raw)}, config=vars(options)),
     }
-    motion = replace(motion, provenance=record)
-    columns = captured_angles(clip, raw, spans, reliability, truth)
-    text = motion_to_json(motion)
+    motion = replace(found.motion, provenance=record)
+    columns = captured_angles(clip, raw, found.spans, found.reliability, truth)
     # The numbers in the file, which are rounded, are those that a policy is trained on.
-    write_text(out / "motion.json", text)
+    write_text(out / "motion.json", motion_to_json(motion))
     rounded = read_motion_json(out / "motion.json")
     write_captured(out / "capture.parquet", columns, {**record, "motion": rounded.identity})
-    write_json(out / "gait.json", {**report, "motion": rounded.identity})
+    write_json(out / "gait.json", {**found.report, "motion": rounded.identity})
     write_mcap(out / "motion.mcap", motion)
     return rounded
+
+
+def _as_loop(clip: Clip, bouts: list[Bout], selection: Selection, options: _Options) -> _Result:
+    """The strides of the selected bouts, averaged into a loop."""
+    fit = fit_cyclic(clip, selection.bouts, options.symmetric, ankle=options.ankle)
+    finished = partial(_finished, clip, bouts, selection, fit, refined=options.refined)
+    done, report = finished(balance=options.balance)
+    if report["balance"] is not None and refusals(report):
+        # A displaced root changes hips and knees, in rare cases by more than the gate accepts.
+        done, report = finished(balance=False)
+    spans = [
+        PassSpan(
+            one.pass_number,
+            clip.times[one.frames],
+            one.turn,
+            one.phase,
+            np.asarray(one.leg_mask().any(axis=1)),
+        )
+        for one in selection.bouts
+    ]
+    return _Result(done.motion, fit.reliability, spans, report)
+
+
+def _as_recorded(clip: Clip, bouts: list[Bout], options: _Options, why: str) -> _Result:
+    """The longest bout or pass as recorded; why: what is missing for a loop, "" if nothing is."""
+    excerpt = _excerpt(clip, bouts, straighten=bool(options.straighten))
+    fit = fit_noncyclic(clip, excerpt)
+    motion = refine(fit.motion, fit.seen) if options.refined else fit.motion
+    chosen = options.segment is not None
+    report = noncyclic_report(clip, bouts, excerpt, fit, motion, why, chosen=chosen)
+    span = PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, fit.phase)
+    return _Result(motion, fit.reliability, [span], report)
 
 
 def _finished(

@@ -21,7 +21,7 @@ from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
 from kinemimic.retarget.feet.scale import length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.strides.asymmetry import asymmetry_and_noise, asymmetry_limit
-from kinemimic.retarget.strides.loop import Loop, Strides, fit_loop, pool_strides, with_mirror
+from kinemimic.retarget.strides.loop import Loop, PooledFrames, fit_loop, pool_strides, with_mirror
 from kinemimic.retarget.strides.sensor_reliability import (
     SensorReliability,
     assess_reliability,
@@ -48,7 +48,7 @@ class CyclicFit:
 
     motion: Motion
     loop: Loop
-    strides: Strides
+    strides: PooledFrames
     reliability: SensorReliability
     path: RootPath
     captured: dict[str, Array]
@@ -70,6 +70,26 @@ def fit_cyclic(
     of the stride was seen on one side only. ankle: ankles of a walk whose feet were not seen; a run's are
     neutral. Raises KinemimicError if part of the stride was never seen.
     """
+    pooled = _pooled_loop(clip, bouts, symmetric)
+    return _on_body(pooled, ankle)
+
+
+@dataclass(frozen=True)
+class _PooledLoop:
+    """The part of a `CyclicFit` that is the person's, not the body's."""
+
+    loop: Loop
+    strides: PooledFrames
+    reliability: SensorReliability
+    captured: dict[str, Array]
+    symmetric: bool
+    asymmetry_deg: float
+    noise_deg: float
+    asymmetry_limit_deg: float
+
+
+def _pooled_loop(clip: Clip, bouts: Sequence[Bout], symmetric: bool | None) -> _PooledLoop:
+    """The average stride of the person; arguments as for `fit_cyclic`."""
     strides = pool_strides(clip, bouts)
     reliability = assess_reliability(strides)
     local = local_rotations(reliable_frames(strides.positions, reliability))
@@ -95,7 +115,13 @@ def fit_cyclic(
             f"{100 * gap:.0f} % of it ({sum(one.used_strides for one in bouts):.1f} usable strides); "
             "record more strides, or keep the motion as recorded with --no-loop"
         )
-    frames = max(8, round(FRAME_RATE * period))
+    return _PooledLoop(loop, strides, reliability, captured, mirror, asymmetry, noise, limit)
+
+
+def _on_body(pooled: _PooledLoop, ankle: AnkleMode) -> CyclicFit:
+    """The average stride on the Table 1 body; ankle: as for `fit_cyclic`."""
+    loop, strides, reliability = pooled.loop, pooled.strides, pooled.reliability
+    frames = max(8, round(FRAME_RATE * loop.period))
     phase = np.arange(frames) / frames
     rotations = loop.rotations(phase)
     scale = length_scale(strides.positions)
@@ -106,34 +132,20 @@ def fit_cyclic(
         rotations = (normal_feet if normal else neutral_feet)(rotations, phase)
     width = scale * stance_width(strides.positions)
     rotations, abduction = with_stance_width(rotations, width)
-    path = fit_root_path(rotations, scale * fourier.evaluate(loop.root, phase), scale * loop.speed, period)
-    root = path.root - np.array([path.root[0, 0], path.root[0, 1], 0.0])
+    about_mean = scale * fourier.evaluate(loop.root, phase)
+    path = fit_root_path(rotations, about_mean, scale * loop.speed, loop.period)
     motion = Motion(
-        rate=frames / period,
-        root=root,
+        rate=frames / loop.period,
+        root=path.root - np.array([path.root[0, 0], path.root[0, 1], 0.0]),
         rotations=continuous(rotations),
         contacts=path.contacts,
         cyclic=True,
-        cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
+        cycle_offset=np.array([path.speed * loop.period, 0.0, 0.0]),
     )
-    return CyclicFit(
-        motion,
-        loop,
-        strides,
-        reliability,
-        path,
-        captured,
-        mirror,
-        asymmetry,
-        noise,
-        limit,
-        scale,
-        width,
-        abduction,
-    )
+    return CyclicFit(motion=motion, path=path, scale=scale, width=width, abduction=abduction, **vars(pooled))
 
 
-def _of_used_legs(curves: dict[str, Array], strides: Strides) -> dict[str, Array]:
+def _of_used_legs(curves: dict[str, Array], strides: PooledFrames) -> dict[str, Array]:
     """The angle curves (M,), NaN where a leg's stride is not used."""
     return {
         name: np.where(strides.weights[:, N[f"knee_{name.partition('_')[2]}"]] > 0, curve, np.nan)
@@ -141,7 +153,7 @@ def _of_used_legs(curves: dict[str, Array], strides: Strides) -> dict[str, Array
     }
 
 
-def _largest_gap(strides: Strides) -> float:
+def _largest_gap(strides: PooledFrames) -> float:
     """The largest share of the stride, 0 to 1, without a pooled frame of positive weight of one of the
     legs.
     """

@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orient import FOOT_DROP, local_rotations
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
@@ -34,7 +35,7 @@ from kinemimic.retarget.feet.scale import body_kinematics, length_scale, stance_
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.strides.excerpt import Excerpt, with_turns
-from kinemimic.retarget.strides.loop import STATE_WEIGHTS, Strides, source_nodes
+from kinemimic.retarget.strides.loop import STATE_WEIGHTS, PooledFrames, source_nodes
 from kinemimic.retarget.strides.sensor_reliability import (
     MAX_BONE_SPREAD,
     MAX_FOOT_PITCH,
@@ -108,7 +109,7 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
             rotations[:, node] = normalize(_interpolate(grid, times[seen], q))
     if not reliability.precise:
         rotations = limit_knee_extension(rotations)
-    middle = 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
+    middle = place(p, "hips")
     seen = np.isfinite(middle).all(axis=-1)
     root, lean = scale * _interpolate(grid, times[seen], middle[seen]), 0.0
     if bout is not None:
@@ -150,8 +151,8 @@ def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:
     return np.asarray(STATE_WEIGHTS[np.where(np.isfinite(positions).all(axis=-1), states, 0)])
 
 
-def _strides(clip: Clip, excerpt: Excerpt, phase: Array, weights: Array) -> Strides:
-    return Strides(
+def _strides(clip: Clip, excerpt: Excerpt, phase: Array, weights: Array) -> PooledFrames:
+    return PooledFrames(
         phase=phase,
         group=np.zeros(len(phase), dtype=np.intp),
         times=clip.times[excerpt.frames] - clip.times[excerpt.frames[0]],

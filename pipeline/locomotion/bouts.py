@@ -24,7 +24,8 @@ from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, is_precise, 
 from kinemimic.pipeline.locomotion.odometry import is_running_pose
 from kinemimic.pipeline.locomotion.pass_gait import PassGait, gait_of_pass, without_standing
 from kinemimic.pipeline.locomotion.span import Span, agreeing_parts, span_of
-from kinemimic.pipeline.locomotion.strides import Stride, frames_of, judge_strides
+from kinemimic.pipeline.locomotion.stride_legs import judge_strides
+from kinemimic.pipeline.locomotion.strides import Stride, frames_of
 from kinemimic.pipeline.locomotion.upright import levelling, upright_axis
 from kinemimic.pipeline.locomotion.walk_rule import consecutive_strides, is_walk
 

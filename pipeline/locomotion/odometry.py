@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.upright import center_of_mass
 
@@ -76,7 +77,7 @@ def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *
     heading: (T,) radians; phase: (T,) cycles, integer where the left ankle is farthest ahead; rate: frames
     per second; toes: whether the recording shows where the toes are, to a centimetre.
     """
-    root = 0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]])
+    root = place(positions, "hips")
     pose = positions - root[:, None]
     if _steps_backward(pose, phase):
         # Walking backward is walking forward in reversed time.

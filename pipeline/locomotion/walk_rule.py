@@ -7,7 +7,8 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.locomotion.ground_path import GroundPath
 from kinemimic.pipeline.locomotion.standing import INTO, OUT_OF
-from kinemimic.pipeline.locomotion.strides import MAX_PERIOD_DEVIATION, MIN_R2, Stride
+from kinemimic.pipeline.locomotion.stride_legs import MAX_PERIOD_DEVIATION
+from kinemimic.pipeline.locomotion.strides import MIN_R2, Stride
 
 # A bout: so many strides; or a part of a stride that advances so far (m), as when a runner crosses the view
 # of a sensor.

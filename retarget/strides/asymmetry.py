@@ -9,7 +9,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.strides.loop import Loop, Strides
+from kinemimic.retarget.strides.loop import Loop, PooledFrames
 
 # Difference of the sides that noise does not explain: in residuals about the loop, of which a leg that a
 # depth sensor sees badly on most strides differs by up to 1.6; or in errors of the mean over the strides, of
@@ -19,7 +19,7 @@ WHOLE_STRIDE, MIN_STRIDE_FRAMES = 0.95, 10  # of a stride that is compared with 
 _COMPARED = 40  # samples
 
 
-def asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
+def asymmetry_and_noise(loop: Loop, strides: PooledFrames, captured: dict[str, Array]) -> tuple[float, float]:
     """Rms difference of left and right, and rms residual about the loop, in degrees."""
     phase = np.arange(60) / 60.0
     left, right_later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
@@ -33,7 +33,7 @@ def asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]
 
 
 def asymmetry_limit(
-    bouts: Sequence[Bout], strides: Strides, captured: dict[str, Array], noise: float
+    bouts: Sequence[Bout], strides: PooledFrames, captured: dict[str, Array], noise: float
 ) -> float:
     """Difference of the sides in degrees that noise explains; smaller ones are averaged away by default.
 
@@ -48,7 +48,7 @@ def asymmetry_limit(
     return min(limit, MAX_ASYMMETRY_ERRORS * float(np.degrees(error)))
 
 
-def _side_differences(bouts: Sequence[Bout], strides: Strides, captured: dict[str, Array]) -> Array:
+def _side_differences(bouts: Sequence[Bout], strides: PooledFrames, captured: dict[str, Array]) -> Array:
     """Left minus right (K, 2 n) in radians, of knees and hips over each whole stride that shows both legs.
 
     The right leg is compared half a stride later.

@@ -45,8 +45,8 @@ MIRROR_NODES: NDArray[np.intp] = np.array(
 
 
 @dataclass(frozen=True)
-class Strides:
-    """M pooled frames in the walker's axes: X ahead, Y left, Z up.
+class PooledFrames:
+    """M frames of the usable strides of all bouts in the walker's axes: X ahead, Y left, Z up.
 
     phase: (M,) cycles; group: (M,) index of the section of a bout; times: (M,) seconds from the start of the
     bout, on a clock in which all strides take one period; positions: (M, 20, 3); weights: (M, 20) per node;
@@ -94,11 +94,11 @@ class Loop:
         return out
 
 
-def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
+def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> PooledFrames:
     """Pool the usable strides of bouts of a clip on the 20 nodes; a leg counts in its own good strides
     only.
     """
-    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__}
+    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in PooledFrames.__dataclass_fields__}
     groups = 0
     for one in bouts:
         legs = one.leg_mask()
@@ -121,7 +121,7 @@ def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
         parts["positions"].append(p)
         parts["weights"].append(weights)
         parts["frames"].append(one.frames[used])
-    return Strides(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
+    return PooledFrames(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
 
 
 def _faded(phase: Array) -> Array:
@@ -137,7 +137,7 @@ def _faded(phase: Array) -> Array:
     return np.asarray(np.clip(inside, SMALLEST_FADE, 1.0))
 
 
-def with_mirror(strides: Strides) -> Strides:
+def with_mirror(strides: PooledFrames) -> PooledFrames:
     """The strides and their mirror image half a cycle later, for a left-right symmetric loop."""
     image = replace(
         strides,
@@ -146,10 +146,10 @@ def with_mirror(strides: Strides) -> Strides:
         positions=strides.positions[:, MIRROR_NODES] * np.array([1.0, -1.0, 1.0]),
         weights=strides.weights[:, MIRROR_NODES],
     )
-    return Strides(
+    return PooledFrames(
         **{
             name: np.concatenate([getattr(strides, name), getattr(image, name)])
-            for name in Strides.__dataclass_fields__
+            for name in PooledFrames.__dataclass_fields__
         }
     )
 
@@ -206,7 +206,7 @@ def mean_rotation(q: Array, weights: Array) -> Array:
     return np.asarray(mean if mean[3] >= 0 else -mean)
 
 
-def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Series | None:
+def fit_joint(strides: PooledFrames, local: Array, name: str, harmonics: int) -> Series | None:
     """Series of one node from its local rotations (M, 4); None if it was hardly ever seen.
 
     Few frames, such as one stride at 30 Hz, reduce `harmonics` so that each coefficient has two frames.
@@ -243,7 +243,7 @@ def source_nodes(name: str) -> tuple[str, ...]:
     return name, f"{chain[joint]}_{side}"
 
 
-def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
+def fit_root(strides: PooledFrames, harmonics: int) -> tuple[Array, float]:
     """Series (1 + 2 h, 3) of the hip centre about its uniform advance, and the speed of that advance in m/s.
 
     Each section has its own straight line: it starts elsewhere, and a sensor's floor is never quite level.
@@ -276,7 +276,7 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     return series, float(np.average(slopes[:, 0], weights=amounts[:, 0]))
 
 
-def fit_loop(strides: Strides, local: Array, period: float, *, leg: int) -> Loop:
+def fit_loop(strides: PooledFrames, local: Array, period: float, *, leg: int) -> Loop:
     """The loop of pooled strides and their local rotations (M, 20, 4); leg: harmonics of the legs.
 
     Nodes that were hardly ever seen get no series.

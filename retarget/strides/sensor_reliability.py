@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.orient import FOOT_DROP, node_frames
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion import fourier
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
-from kinemimic.retarget.strides.loop import Strides, mean_rotation
+from kinemimic.retarget.strides.loop import PooledFrames, mean_rotation
 
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
 MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
@@ -52,7 +53,7 @@ class SensorReliability:
     pitch: float = 0.0
 
 
-def assess_reliability(strides: Strides) -> SensorReliability:
+def assess_reliability(strides: PooledFrames) -> SensorReliability:
     """The reliability of pooled strides, from their repeatability and bone lengths."""
     p, phase = strides.positions, strides.phase
     frames = node_frames(p)
@@ -69,7 +70,7 @@ def assess_reliability(strides: Strides) -> SensorReliability:
         measured |= {f"{line}_width_spread": spread, f"{name}_residual_deg": float(np.degrees(residual))}
         steady[name] = bool(spread < MAX_WIDTH_SPREAD and residual < MAX_RESIDUAL)
     # Not from the pelvis: its short line from hip centre to spine is off by tens of degrees.
-    trunk = p[:, N["shoulder_center"]] - 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
+    trunk = p[:, N["shoulder_center"]] - place(p, "hips")
     leans = np.arctan2(trunk[:, 0], trunk[:, 2])
     leans = leans[np.isfinite(leans)]
     lean = float(np.median(leans)) if len(leans) else 0.0
@@ -101,7 +102,7 @@ def assess_reliability(strides: Strides) -> SensorReliability:
     )
 
 
-def _pelvis_pitch(strides: Strides, lean: float) -> float:
+def _pelvis_pitch(strides: PooledFrames, lean: float) -> float:
     """Pitch in radians of a neutral pelvis: the lean of the trunk, but such that both hips extend within
     their range.
 
