@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from samples.bouts import bouts_of
 from samples.corpus import cmu
@@ -33,7 +34,15 @@ def test_strides_agree_with_steps_and_times() -> None:
 def test_walks_and_runs_are_found_with_their_strides_to_a_fifth(name: str) -> None:
     by_eye = CLIPS[name]
     bouts = bouts_of(cmu(name))
-    assert 0.8 * by_eye["strides"] <= sum(one.cycles for one in bouts) <= 1.2 * by_eye["strides"] + 1.0
+    assert 0.8 * by_eye["strides"] <= sum(one.cycles for one in bouts)
+    # The counted steps end before some clips do, which go on backward or elsewhere.
+    counted = [
+        stride.cycles
+        for one in bouts
+        for stride in one.strides
+        if by_eye["start_s"] <= np.mean(stride.times) <= by_eye["end_s"]
+    ]
+    assert sum(counted) <= 1.2 * by_eye["strides"] + 1.0
     # 03_03 and 03_04 turn by more than 60 degrees in half of their strides, which no loop can use.
     assert select_bouts(bouts).strides >= 0.45 * by_eye["strides"]
     assert any(one.running for one in bouts) == (by_eye["activity"] == "run")
