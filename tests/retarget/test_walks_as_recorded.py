@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 from samples.corpus import cmu
-from samples.walker import in_place, walker
+from samples.walker import backward, in_place, walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.proportions import complete
@@ -21,18 +21,6 @@ from kinemimic.retarget.report import noncyclic_report
 from kinemimic.retarget.strides.excerpt import excerpt_of_bout
 from kinemimic.retarget.strides.loop import pool_strides
 from kinemimic.retarget.strides.sensor_reliability import assess_reliability
-
-
-def backward(clip: Clip) -> Clip:
-    """The clip in reversed time, without the file's rotations."""
-    return replace(
-        clip,
-        times=clip.times[-1] - clip.times[::-1],
-        positions=clip.positions[::-1].copy(),
-        states=clip.states[::-1].copy(),
-        passes=clip.passes[::-1].copy(),
-        rotations=None, euler=None, orders=None, rests=None, translations=None,
-    )  # fmt: skip
 
 
 def without_feet(clip: Clip) -> Clip:

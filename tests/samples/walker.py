@@ -126,6 +126,18 @@ def in_place(clip: Clip) -> Clip:
     return replace(clip, positions=clip.positions - back)
 
 
+def backward(clip: Clip) -> Clip:
+    """The clip in reversed time, without the file's rotations."""
+    return replace(
+        clip,
+        times=clip.times[-1] - clip.times[::-1],
+        positions=clip.positions[::-1].copy(),
+        states=clip.states[::-1].copy(),
+        passes=clip.passes[::-1].copy(),
+        rotations=None, euler=None, orders=None, rests=None, translations=None,
+    )  # fmt: skip
+
+
 def along(clip: Clip, yaw: Array) -> Clip:
     """A straight walk turned by yaw (T,) radians, each step in its own direction."""
     middle = hips(clip.positions)

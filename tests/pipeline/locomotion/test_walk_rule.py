@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 from samples.corpus import cmu, corpus, recorded
-from samples.walker import in_place, walker
+from samples.walker import backward, in_place, walker
 
-from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import shows_feet
 from kinemimic.pipeline.kinematics.proportions import complete
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODES
@@ -75,17 +74,6 @@ def test_bouts_of_a_depth_sensor_share_neither_strides_nor_frames(name: str) -> 
     for bout in bouts:
         # What is called walking moves: no stride takes twice as long as the others.
         assert max(one.period for one in bout.strides if one.walking) < 1.5 * bout.period
-
-
-def backward(clip: Clip) -> Clip:
-    """The clip in reversed time."""
-    return replace(
-        clip,
-        times=clip.times[-1] - clip.times[::-1],
-        positions=clip.positions[::-1].copy(),
-        states=clip.states[::-1].copy(),
-        passes=clip.passes[::-1].copy(),
-    )
 
 
 def test_the_ground_of_a_walk_backward_is_under_the_foot_in_stance() -> None:
