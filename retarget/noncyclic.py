@@ -42,6 +42,7 @@ from kinemimic.retarget.strides.sensor_reliability import (
     SensorReliability,
     assess_reliability,
     reliable_frames,
+    tracks_feet,
 )
 
 # Contact thresholds (m above the ground) of a walk kept as recorded.
@@ -192,13 +193,13 @@ def _reliability(positions: Array, rigid: bool, contacts: Mask, weights: Array) 
     precise recording that shows both, tracked (weights (M, 20) of 1), if they are flat while in contact
     (M, 2).
     """
-    pitches, shown = [], (weights[:, [N["foot_left"], N["foot_right"]]] >= 1.0).any(axis=0).all()
+    pitches = []
     for k, side in enumerate(("left", "right")):
         toe = positions[:, N[f"foot_{side}"]] - positions[:, N[f"ankle_{side}"]]
         pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
         standing = contacts[:, k] & np.isfinite(pitch)
         pitches.append(float(np.median(pitch[standing])) if standing.any() else 0.0)
-    feet = bool(rigid and shown and np.max(np.abs(pitches)) < MAX_FOOT_PITCH)
+    feet = bool(rigid and tracks_feet(weights) and np.max(np.abs(pitches)) < MAX_FOOT_PITCH)
     return SensorReliability(rigid, True, True, feet, 0.0, (pitches[0], pitches[1]), {})
 
 

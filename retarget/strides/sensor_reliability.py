@@ -74,8 +74,6 @@ def assess_reliability(strides: PooledFrames) -> SensorReliability:
     leans = np.arctan2(trunk[:, 0], trunk[:, 2])
     leans = leans[np.isfinite(leans)]
     lean = float(np.median(leans)) if len(leans) else 0.0
-    # A derived foot, at a right angle to the shank, is never tracked.
-    shown = bool((strides.weights[:, [N["foot_left"], N["foot_right"]]] >= 1.0).any(axis=0).all())
     pitches = []
     for side, shift in (("left", 0.0), ("right", 0.5)):
         toe = p[:, N[f"foot_{side}"]] - p[:, N[f"ankle_{side}"]]
@@ -94,12 +92,18 @@ def assess_reliability(strides: PooledFrames) -> SensorReliability:
         precise=precise,
         pelvis=steady["pelvis"],
         torso=steady["torso"],
-        feet=precise and shown and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH),
+        feet=precise and tracks_feet(strides.weights) and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH),
         lean=lean,
         foot_pitch=(pitches[0], pitches[1]),
         measured=measured,
         pitch=pelvis_pitch,
     )
+
+
+def tracks_feet(weights: Array) -> bool:
+    """Whether both feet are tracked in some of the frames with weights (M, 20), 1 for a tracked node. A
+    derived foot, at a right angle to the shank, never is."""
+    return bool((weights[:, [N["foot_left"], N["foot_right"]]] >= 1.0).any(axis=0).all())
 
 
 def _pelvis_pitch(strides: PooledFrames, lean: float) -> float:
