@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -74,6 +75,15 @@ def atomic(path: Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Delete the temporary files that a killed `atomic(path)` left; nobody else may be writing `path`."""
+    # What mkstemp adds has eight characters.
+    name = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}" + re.escape(path.suffix))
+    for rest in path.parent.glob(f".{path.name}.*"):
+        if name.fullmatch(rest.name):
+            rest.unlink(missing_ok=True)
 
 
 def copy_file(source: Path, target: Path) -> None:

@@ -18,9 +18,11 @@ from typing import Any
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import versions
 from kinemimic.pipeline.files.stages import INDEX, STAGES, stage_named
+from kinemimic.pipeline.files.store import remove_leftovers
 from kinemimic.pipeline.run_folder.consistency import FolderState
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.pipeline.run_folder.record import (
+    RUN_FILE,
     Entry,
     Pending,
     Record,
@@ -103,6 +105,8 @@ def recovered(run: Path) -> Record:
         record = _finish(run, record)
     for rest in run.glob(_STAGING.format("*")):
         shutil.rmtree(rest, ignore_errors=True)
+    for name in (RUN_FILE, INDEX):  # all others are written in the staging folder
+        remove_leftovers(run / name)
     return record
 
 

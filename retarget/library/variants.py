@@ -52,6 +52,14 @@ WOBBLE = 0.02  # rad, standard deviation of a random first harmonic of a joint
 PLANAR = 0.3  # probability that the legs move in a plane; drawn separately for the trunk
 DEPTH_SENSOR = 0.5  # probability of neutral feet
 ARMLESS = 0.12  # probability of arms that hang straight and still, as in skeletons without arms
+# Probability of arms that are held in some other way: away from the body, behind it, with a bag or a
+# telephone. A tracker that has not seen such arms falls with walkers whose legs it could follow.
+HELD = 0.4
+ONE_ARM = 0.4  # of them, the share in which the other arm swings as usual
+# Of a held arm, rad: abduction and flexion of the upper arm, its rotation, flexion of the elbow; what remains
+# of its swing.
+ABDUCTION, FLEXION, ROTATION, ELBOW = (-0.1, 1.2), (-0.6, 1.0), (-0.7, 0.7), (0.0, 2.0)
+SWING = (0.0, 1.2)
 # Share of the axial rotation of the thigh that the ankle takes back: a turned leg still has its foot ahead.
 TAKEN_BACK = (0.2, 1.0)
 ONE_SIDED = 0.15  # of an offset's standard deviation, the same for one side alone
@@ -60,7 +68,7 @@ SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "hip_center": ((0.015, 0.06, 0.03), (0.5, 0.6, 0.7)),
     "spine": ((0.03, 0.10, 0.03), (0.5, 0.4, 0.7)),
     "shoulder_center": ((0.04, 0.15, 0.02), (0.7, 0.8, 0.7)),
-    "shoulder": ((0.15, 0.20, 0.50), (0.7, 0.6, 0.5)),
+    "shoulder": ((0.25, 0.20, 0.50), (0.7, 0.6, 0.5)),
     "elbow": ((0.0, 0.28, 0.0), (0.0, 0.6, 0.0)),
     "wrist": ((0.25, 0.10, 0.20), (0.6, 0.6, 0.6)),
     "hip": ((0.02, 0.06, 0.17), (0.5, 0.12, 0.8)),
@@ -155,13 +163,16 @@ def variant(
     mean = normalize(np.mean(continuous(rotations), axis=0))
     about = to_rotvec(multiply(conjugate(np.broadcast_to(mean, rotations.shape)), rotations))
     moving = np.ptp(rotations, axis=0).max(axis=-1, keepdims=True) > 1e-9
-    if random.random() < ARMLESS:
+    armless = random.random() < ARMLESS
+    if armless:
         mean[_ARMS], moving[_ARMS] = IDENTITY, False
         about[:, _ARMS] = 0.0
     if random.random() < SYMMETRIC:
         about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
         mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
     about = gains * about + near * random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
+    if not armless and random.random() < HELD:
+        _hold_arms(mean, about, random)
     mean = multiply(mean, from_rotvec(offsets * moving))
     rotations = normalize(multiply(np.broadcast_to(mean, rotations.shape), from_rotvec(about)))
     for joint in LIMITS:
@@ -223,6 +234,20 @@ def _draw(random: np.random.Generator) -> tuple[Array, Array]:
         for joint, part in (("knee", 1.0), ("hip", -share), ("ankle", share - 1.0)):
             offsets[NODE_INDEX[f"{joint}_{side}"], 1] += part * crouch
     return gains, offsets
+
+
+def _hold_arms(mean: Array, about: Array, random: np.random.Generator) -> None:
+    """Hold one arm or both, in place: the joints' means (20, 4), and what moves about them (T, 20, 3)."""
+    abduction, flexion, rotation, elbow, swing = (
+        random.uniform(*drawn) for drawn in (ABDUCTION, FLEXION, ROTATION, ELBOW, SWING)
+    )
+    first = int(random.integers(2))
+    for side, sign in (_SIDES[first], _SIDES[1 - first])[: 1 if random.random() < ONE_ARM else 2]:
+        upper, lower = NODE_INDEX[f"shoulder_{side}"], NODE_INDEX[f"elbow_{side}"]
+        parts = [sign * np.array(axis) for axis in ((abduction, 0, 0), (0, -flexion, 0), (0, 0, rotation))]
+        mean[upper] = multiply(from_rotvec(parts[0]), multiply(from_rotvec(parts[1]), from_rotvec(parts[2])))
+        mean[lower] = from_rotvec(np.array([0.0, -elbow, 0.0]))
+        about[:, [upper, lower]] *= swing
 
 
 def _wobble(phase: Array, random: np.random.Generator) -> Array:

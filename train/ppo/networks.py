@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from kinemimic.pipeline.arrays import Floats
-from kinemimic.train.ppo.mlp import Mlp, choose_gradient_dtype
+from kinemimic.train.ppo.mlp import CPU, Mlp, choose_gradient_dtype
 from kinemimic.train.rollout.policy import Policy, normalized
 
 # Samples that the statistics of a policy count for when training starts from it.
@@ -23,11 +23,18 @@ class ActorCritic:
     The actor's output is the mean of a Gaussian, the critic's is the value (N, 1).
     """
 
-    def __init__(self, observations: int, actions: int, hidden: tuple[int, ...], action_std: float) -> None:
-        dtype = choose_gradient_dtype()
-        self.actor = Mlp((observations, *hidden, actions), 0.01, dtype)
-        self.critic = Mlp((observations, *hidden, 1), 1.0, dtype)
-        self.log_std = torch.full((actions,), math.log(action_std))
+    def __init__(
+        self,
+        observations: int,
+        actions: int,
+        hidden: tuple[int, ...],
+        action_std: float,
+        device: torch.device = CPU,
+    ) -> None:
+        dtype = choose_gradient_dtype(device)
+        self.actor = Mlp((observations, *hidden, actions), 0.01, dtype, device)
+        self.critic = Mlp((observations, *hidden, 1), 1.0, dtype, device)
+        self.log_std = torch.full((actions,), math.log(action_std), device=device)
 
 
 class Normalizer:
@@ -74,4 +81,4 @@ def export(net: ActorCritic, normalizer: Normalizer, *, critic: bool = False) ->
 
 
 def _copies(network: Mlp) -> tuple[tuple[Floats, Floats], ...]:
-    return tuple((weight.numpy().copy(), bias.numpy().copy()) for weight, bias in network.layers)
+    return tuple((weight.cpu().numpy().copy(), bias.cpu().numpy().copy()) for weight, bias in network.layers)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from kinemimic.train.config.config import PenaltyRule, TrainConfig, scheduled_at
 from kinemimic.train.ppo.advantages import advantages
-from kinemimic.train.ppo.mlp import Mlp
+from kinemimic.train.ppo.mlp import CPU, Mlp
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
 from kinemimic.train.ppo.objective import ActorBatch, kl_divergence, log_prob, policy_gradients
 from kinemimic.train.rollout.policy import Policy
@@ -69,13 +69,16 @@ class PpoAlgorithm:
     Actor and critic share nothing, so each is updated in its own thread with half of torch's threads. On two
     cores no operation then waits for another thread: the result does not depend on their speed, and a busy
     machine costs only its share, whereas threads within an operation spin until the last one arrives.
+
+    device: where the networks are updated. Samples, normaliser and checkpoints stay in main memory, so that
+    another device can continue a training; its results differ by rounding.
     """
 
-    def __init__(self, config: TrainConfig) -> None:
-        self.config = config
+    def __init__(self, config: TrainConfig, device: torch.device = CPU) -> None:
+        self.config, self.device = config, device
         torch.manual_seed(config.seed)
         size = observation_size(config.env)
-        self.net = ActorCritic(size, ACTIONS, config.hidden, scheduled_at(config.action_std, 0))
+        self.net = ActorCritic(size, ACTIONS, config.hidden, scheduled_at(config.action_std, 0), device)
         self.normalizer = Normalizer(size)
         actor = [self.net.actor.parameters] + ([self.net.log_std] if config.learn_action_std else [])
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
@@ -99,7 +102,7 @@ class PpoAlgorithm:
         c = self.config
         if not c.learn_action_std:
             self.net.log_std.fill_(math.log(scheduled_at(c.action_std, self.progress.samples)))
-        action_std: Array = self.net.log_std.exp().numpy()
+        action_std: Array = self.net.log_std.exp().cpu().numpy()
         return action_std
 
     def update(self, samples: Samples) -> dict[str, float]:
@@ -109,18 +112,21 @@ class PpoAlgorithm:
         count = steps * num_envs
         rewards = samples.terms.sum(axis=-1)
         raw = samples.observations.reshape(count, -1)
-        observations = self.normalizer.apply(raw)
-        permutations = [torch.from_numpy(self.random.permutation(count)) for _ in range(c.epochs)]
+        observations = self.normalizer.apply(raw).to(self.device)
+        permutations = [
+            torch.from_numpy(self.random.permutation(count)).to(self.device) for _ in range(c.epochs)
+        ]
         share = max(1, torch.get_num_threads() // 2)
         with ThreadPoolExecutor(2, initializer=torch.set_num_threads, initargs=(share,)) as threads:
             forward = threads.submit(self.net.actor.forward, observations)
             values, next_values = threads.submit(self._values, samples, observations).result()
             ended = samples.terminated | samples.truncated
             estimates = advantages(rewards, values, next_values, ended, c.discount, c.gae_lambda)
-            returns = torch.from_numpy((estimates + values).reshape(-1))
-            advantage = torch.from_numpy(estimates.reshape(-1))
+            returns = torch.from_numpy((estimates + values).reshape(-1)).to(self.device)
+            advantage = torch.from_numpy(estimates.reshape(-1)).to(self.device)
             advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-            actions, mean = torch.from_numpy(samples.actions.reshape(count, -1)), forward.result()
+            actions = torch.from_numpy(samples.actions.reshape(count, -1)).to(self.device)
+            mean = forward.result()
             old = ActorBatch(actions, mean, log_prob(actions, mean, self.net.log_std), advantage)
             actor = threads.submit(self._update_actor, observations, old, permutations)
             critic = threads.submit(self._update_critic, observations, returns, permutations)
@@ -140,7 +146,7 @@ class PpoAlgorithm:
         self.normalizer.update(raw)
         variance = float(returns.var(correction=0))
         lengths = samples.episode_lengths
-        errors = returns - torch.from_numpy(values.reshape(-1))
+        errors = returns - torch.from_numpy(values.reshape(-1)).to(self.device)
         unexplained = float(errors.var(correction=0))
         return {
             "reward/mean": float(rewards.mean()),
@@ -161,14 +167,14 @@ class PpoAlgorithm:
     def _values(self, samples: Samples, observations: Tensor) -> tuple[Array, Array]:
         """Values (T, E) of the states before and after each step; 0 after a fall."""
         shape = samples.terminated.shape
-        values: Array = self.net.critic.forward(observations).numpy().reshape(shape)
+        values: Array = self.net.critic.forward(observations).cpu().numpy().reshape(shape)
         # The state after a step is the one before the next step, except at the end of an episode or a round.
         next_values = np.empty_like(values)
         next_values[:-1] = values[1:]
         evaluated = samples.truncated.copy()
         evaluated[-1] = True
-        last = self.normalizer.apply(samples.next_observations[evaluated])
-        next_values[evaluated] = self.net.critic.forward(last).numpy()[:, 0]
+        last = self.normalizer.apply(samples.next_observations[evaluated]).to(self.device)
+        next_values[evaluated] = self.net.critic.forward(last).cpu().numpy()[:, 0]
         next_values[samples.terminated] = 0.0
         return values, next_values
 
@@ -219,8 +225,8 @@ class PpoAlgorithm:
         return export(self.net, self.normalizer, critic=self.config.env.tracking is not None)
 
     def record_extras(self) -> dict[str, Any]:
-        """Nothing beyond the record of every algorithm."""
-        return {}
+        """The GPU that updated the networks, if one did."""
+        return {} if self.device == CPU else {"device": torch.cuda.get_device_name(self.device)}
 
     def record(self) -> dict[str, Any]:
         """The state except arrays, as JSON for a checkpoint."""
@@ -242,7 +248,7 @@ class PpoAlgorithm:
         for kind, optimizer in (("actor", self.actor_optimizer), ("critic", self.critic_optimizer)):
             for index, slots in optimizer.state_dict()["state"].items():
                 tensors |= {f"optimizer.{kind}.{index}.{slot}": value for slot, value in slots.items()}
-        return {name: value.detach().clone() for name, value in tensors.items()}
+        return {name: value.detach().to("cpu", copy=True) for name, value in tensors.items()}
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, Any]) -> None:
         """Restore the state from `tensors` and `record`."""

@@ -18,7 +18,7 @@ from safetensors.numpy import save_file
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import require_regular
 from kinemimic.pipeline.files.records import convert
-from kinemimic.pipeline.files.store import atomic
+from kinemimic.pipeline.files.store import atomic, remove_leftovers
 from kinemimic.pipeline.files.strict_json import strict_json
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
@@ -68,6 +68,7 @@ def save(path: Path, training: TrainingState, motion: str) -> None:
         **algorithm.record(),
         "evaluations": [evaluation.to_json() for evaluation in training.evaluations],
     }
+    remove_leftovers(path)
     try:
         with atomic(path) as temporary:
             save_file(arrays, temporary, metadata={"kinemimic": json.dumps(record)})

@@ -38,6 +38,7 @@ from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.runner import TrackerAlgorithm, TrackerRunner, TrackerWorkers
 
+DEVICES = ("cpu", "cuda")
 TABLES = "references"
 EVALUATED = 64  # motions of the split "train"
 
@@ -54,6 +55,7 @@ def train_tracker(
     workers: int | None = None,
     engine: str = "auto",
     ray: str | None = None,
+    device: str = "cpu",
 ) -> dict[str, Any]:
     """Train a tracker on the split "train" of the library in `source`; returns the policy's record.
 
@@ -62,17 +64,40 @@ def train_tracker(
     the evaluations on EVALUATED motions of the split "train": no motion of the split "test" chooses it.
     config: settings in place of `tracker_config`; start: name or folder of a tracker to start from, whose
     samples count towards the budget and the schedules; budget, minutes, seed, workers, engine, ray: as
-    for `train`.
-    KinemimicError without a motion to train on, and for a checkpoint of another library or other settings.
+    for `train`; device: "cuda" updates the networks on a GPU, whose rounding differs from the CPU's.
+    KinemimicError without a motion to train on or without that GPU, and for a checkpoint of another library
+    or other settings.
     """
     with locked(out), simulators(ray, workers) as where:
-        return _train(source, out, where, config, start, budget, minutes, seed, workers, resolve(engine))
+        return _train(
+            source,
+            out,
+            where,
+            _device(device),
+            config,
+            start,
+            budget,
+            minutes,
+            seed,
+            workers,
+            resolve(engine),
+        )
+
+
+def _device(name: str) -> torch.device:
+    if name == "cuda" and not torch.cuda.is_available():
+        raise KinemimicError(
+            f"--device cuda: expected a GPU that PyTorch can use, found none with torch {torch.__version__}; "
+            "install a build of torch for CUDA, or update on the CPU (--device cpu)"
+        )
+    return torch.device(name)
 
 
 def _train(
     source: Path,
     out: Path,
     where: Simulators,
+    device: torch.device,
     config: TrainConfig | None,
     start: str | None,
     budget: int | None,
@@ -102,7 +127,7 @@ def _train(
         config = replace(config, start=file_hash(path), actor_rate=START_RATE)
     count = where.count(workers, config.num_envs)
     torch.set_num_threads(min(count, local_cores()))
-    algorithm = TrackerAlgorithm(config, len(trained))
+    algorithm = TrackerAlgorithm(config, len(trained), device)
     if initial is not None:
         algorithm.begin_from(initial)
         algorithm.progress.samples = record["samples"]
@@ -158,6 +183,8 @@ def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, ide
 @click.option("--budget", type=samples, help="Samples (control steps) in total. Default: 60M.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@click.option("--device", type=click.Choice(DEVICES), default="cpu", show_default=True,
+              help="Where the networks are updated; with cuda, results differ by rounding.")  # fmt: skip
 @engine_option
 @workers_option
 @ray_option
@@ -172,6 +199,7 @@ def command(
     workers: int | None,
     ray: str | None,
     engine: str,
+    device: str,
     as_json: bool,
 ) -> None:
     """Train one policy for any motion on the split `train` of LIBRARY (see `kinemimic library`).
@@ -184,7 +212,7 @@ def command(
     """
     record = train_tracker(
         library, out, start=start, budget=budget, minutes=minutes, seed=seed, workers=workers, engine=engine,
-        ray=ray,
+        ray=ray, device=device,
     )  # fmt: skip
     if as_json:
         click.echo(json.dumps(record, indent=2))

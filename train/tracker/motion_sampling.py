@@ -1,4 +1,4 @@
-"""Adaptive sampling: motions that a tracker fails at get more of its samples."""
+"""Adaptive sampling: motions that a tracker performs in some episodes and not in others get more samples."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 
 RATE = 0.2  # of the moving means, per episode
-# Share of uniform draws. Without it, sampling would collapse onto motions that nobody can perform.
+# Share of uniform draws. Without it, a motion whose episodes all fail, or none, would never be drawn again.
 FLOOR = 0.3
 
 
@@ -42,10 +42,12 @@ class MotionStatistics:
     def weights(self) -> NDArray[np.float64]:
         """Probabilities (M,) with which episodes draw the motions.
 
-        The samples of a motion, not its episodes, are in proportion to its failures: an episode that fails at
-        once gives few samples, and those motions would hardly ever be practised.
+        The samples of a motion are in proportion to p (1 - p), p its share of failed episodes (Rutherford et
+        al. 2024, "No regrets: investigating and improving regret approximations for curriculum discovery"):
+        a tracker learns nothing where it always succeeds, and little where it always fails. The samples, not
+        the episodes: an episode that fails at once gives few, and those motions would hardly be practised.
         """
-        wanted = self.failures / self.lengths
+        wanted = self.failures * (1.0 - self.failures) / self.lengths
         uniform = np.full(len(wanted), 1.0 / len(wanted))
         total = wanted.sum()
         return uniform if total <= 0.0 else (1.0 - FLOOR) * wanted / total + FLOOR * uniform

@@ -14,6 +14,7 @@ from torch import Tensor
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.config.env_config import RewardConfig
+from kinemimic.train.ppo.mlp import CPU
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference_library import ReferenceLibrary
@@ -34,8 +35,8 @@ _STATISTICS = ("failures", "lengths")
 class TrackerAlgorithm(PpoAlgorithm):
     """PPO that also keeps the `statistics` of the episodes of each of M motions."""
 
-    def __init__(self, config: TrainConfig, motions: int) -> None:
-        super().__init__(config)
+    def __init__(self, config: TrainConfig, motions: int, device: torch.device = CPU) -> None:
+        super().__init__(config, device)
         self.statistics = MotionStatistics(motions, config.env.steps)
 
     def tensors(self) -> dict[str, Tensor]:

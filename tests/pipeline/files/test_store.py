@@ -25,6 +25,7 @@ from kinemimic.pipeline.files.store import (
     file_hash,
     read_clip,
     read_json,
+    remove_leftovers,
     write_clip,
     write_json,
     write_text,
@@ -111,6 +112,17 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
         raise RuntimeError
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_only_what_a_killed_process_left_of_a_file_is_removed(tmp_path: Path) -> None:
+    kept = {"run.json", ".run.json", ".run.json.mine", ".run.json.abcdefgh.txt", ".other.json.abcdefgh.json"}
+    for name in kept:
+        (tmp_path / name).write_text("")
+    with atomic(tmp_path / "run.json") as left:
+        remove_leftovers(tmp_path / "run.json")
+        assert not left.exists()
+        left.write_text("")  # for the end of the block
+    assert {path.name for path in tmp_path.iterdir()} == kept
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:

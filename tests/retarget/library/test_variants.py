@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from peers.trackers import shipped_motion
 
-from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -64,6 +64,27 @@ def test_arms_of_a_skeleton_without_arms_hang_still(
         heights = positions[:, arm, 2]
         assert (heights[:, :-1] - heights[:, 1:] > 0.15).all()
         assert angle_between(one.rotations[:, arm], one.rotations[:1, arm]).max() < 1e-6
+
+
+@pytest.mark.parametrize("one_arm", [0.0, 1.0])
+def test_held_arms_are_unlike_those_of_the_loops(
+    loops: list[Motion], monkeypatch: pytest.MonkeyPatch, one_arm: float
+) -> None:
+    """Hands far from the body and close to it; if one arm is held, the other hangs as in the loops."""
+    monkeypatch.setattr(module, "ARMLESS", 0.0)
+    monkeypatch.setattr(module, "HELD", 1.0)
+    monkeypatch.setattr(module, "ONE_ARM", one_arm)
+    apart, elbows = [], []
+    for number in range(8):
+        one = plausible_variant(loops, "walk", 3, number)
+        turned = {
+            joint: angle_between(one.rotations[:, NODE_INDEX[joint]], IDENTITY).mean()
+            for joint in ("shoulder_left", "shoulder_right", "elbow_left")
+        }
+        apart.append(abs(turned["shoulder_left"] - turned["shoulder_right"]))
+        elbows.append(turned["elbow_left"])
+    assert np.ptp(elbows) > np.radians(45.0)
+    assert (np.median(apart) > np.radians(15.0)) == bool(one_arm)
 
 
 def test_walks_are_as_fast_as_people(loops: list[Motion], made: list[Motion]) -> None:

@@ -99,7 +99,7 @@ def followed(steps: int, num_envs: int) -> Samples:
 @pytest.mark.parametrize("name", sorted(PRESETS))
 def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads, explicit gradients, flat Adam, next values from the next row: the same networks."""
-    monkeypatch.setattr(networks, "choose_gradient_dtype", lambda: torch.float32)
+    monkeypatch.setattr(networks, "choose_gradient_dtype", lambda _: torch.float32)
     algorithm = PpoAlgorithm(replace(PRESETS[name], hidden=(24, 16), minibatch=24, epochs=3))
     samples = followed(16, 4)
     algorithm.normalizer.update(samples.observations.reshape(-1, OBSERVATIONS))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from peers.inline_workers import InlinePool
 from peers.ray_nodes import RayNodes, node_of
 from peers.trackers import entry, shipped_motion, write_small_library
@@ -142,6 +143,22 @@ def test_a_library_without_a_training_part_is_refused(tmp_path: Path, library: P
     write_library(tmp_path, MotionLibrary.of([walk], [entry("walk", "a", "test", walk)]), {})
     with pytest.raises(KinemimicError, match="found only those left out for tests"):
         train_tracker(tmp_path, tmp_path / "out", config=CONFIG)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_refused_before_anything_is_written(library: Path, tmp_path: Path) -> None:
+    with pytest.raises(KinemimicError, match=r"--device cuda: expected a GPU .* found none with torch \d"):
+        train_tracker(library, tmp_path / "out", config=CONFIG, device="cuda")
+    assert not (tmp_path / "out" / "checkpoint.safetensors").exists()
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that PyTorch can use")
+def test_the_cpu_goes_on_with_what_a_gpu_began(library: Path, tmp_path: Path, quick: None) -> None:
+    half = train_tracker(library, tmp_path, config=CONFIG, budget=2 * ROUND, workers=2, device="cuda")
+    assert half["device"] == torch.cuda.get_device_name()
+    whole = train_tracker(library, tmp_path, config=CONFIG, workers=2)
+    assert whole["samples"] == CONFIG.budget
+    assert "device" not in whole
 
 
 def test_motions_are_drawn_by_their_weights(library: Path, tmp_path: Path, quick: None) -> None:
