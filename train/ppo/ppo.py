@@ -117,7 +117,7 @@ class PpoAlgorithm:
             torch.from_numpy(self.random.permutation(count)).to(self.device) for _ in range(c.epochs)
         ]
         share = max(1, torch.get_num_threads() // 2)
-        with ThreadPoolExecutor(2, initializer=torch.set_num_threads, initargs=(share,)) as threads:
+        with ThreadPoolExecutor(2, initializer=_begin_thread, initargs=(share, self.device)) as threads:
             forward = threads.submit(self.net.actor.forward, observations)
             values, next_values = threads.submit(self._values, samples, observations).result()
             ended = samples.terminated | samples.truncated
@@ -270,6 +270,12 @@ def minibatches(permutations: list[Tensor], size: int, *columns: Tensor) -> Iter
     """Rows of the columns, `size` at a time, in the order of one permutation after the other."""
     for order in permutations:
         yield from zip(*(torch.split(column.index_select(0, order), size) for column in columns), strict=True)
+
+
+def _begin_thread(share: int, device: torch.device) -> None:
+    torch.set_num_threads(share)
+    # cuBLAS warns if it is the first to use a GPU in a thread.
+    torch.zeros((), device=device)
 
 
 def _gradient_step(network: Mlp, output_gradient: Tensor, optimizer: torch.optim.Optimizer) -> None:
