@@ -16,8 +16,9 @@ from kinemimic.train.baselines import off_policy
 from kinemimic.train.baselines.off_policy import OffPolicyModel, SeparateRates
 from kinemimic.train.config.baseline_config import A2c, Baseline, OffPolicy
 from kinemimic.train.config.config import TrainConfig, scheduled_at
+from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.ppo.mlp import choose_gradient_dtype
-from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
+from kinemimic.train.rollout.policy import Policy
 
 Model = OffPolicyModel | A2C | PPO
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.files.records import RecordError, Steps, convert
 from kinemimic.train.config.baseline_config import Activation, Baseline, require_counts
-from kinemimic.train.config.env_config import LATER_RANGES, EnvConfig, RewardConfig
+from kinemimic.train.config.env_config import LATER_LIMITS, LATER_RANGES, EnvConfig, RewardConfig
 
 # A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
 Schedule = tuple[tuple[int, float], ...]
@@ -138,10 +138,11 @@ class TrainConfig:
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
-        drawn = value["env"]["domain_randomization"]
-        for name, unused in LATER_RANGES.items():
-            if drawn[name] == unused:
-                del drawn[name]
+        for key, later in (("domain_randomization", LATER_RANGES), ("tracking", LATER_LIMITS)):
+            stated = value["env"].get(key, {})
+            for name, unused in later.items():
+                if name in stated and stated[name] == unused:
+                    del stated[name]
         return value
 
     @classmethod
@@ -157,6 +158,8 @@ class TrainConfig:
             value = {"baseline": None, "start": "", "body_error": [], **value}
             if isinstance(env, dict):
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
+                if isinstance(env["tracking"], dict):
+                    env["tracking"] = {**LATER_LIMITS, **env["tracking"]}
                 drawn = env.get("domain_randomization")
                 if isinstance(drawn, dict):
                     env["domain_randomization"] = {**LATER_RANGES, **drawn}

@@ -70,6 +70,11 @@ class DomainRandomization:
 LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0]}
 
 
+# The same of a tracker; every policy clips its normalised observations at this.
+OBSERVATION_CLIP = 8.0
+LATER_LIMITS = {"limit": OBSERVATION_CLIP, "arm_limit": OBSERVATION_CLIP}
+
+
 @dataclass(frozen=True)
 class Tracking:
     """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
@@ -77,11 +82,14 @@ class Tracking:
 
     max_body_error: mean distance of the bodies from their references at which an episode ends, m; in
     training, `TrainConfig.body_error` may change it. leash: the policy observes a reference that is farther
-    away on the ground as if it were this far, m.
+    away on the ground as if it were this far, m. limit, arm_limit: it observes nothing farther from the mean
+    of its training than this, in standard deviations; of the arms.
     """
 
     max_body_error: float = 0.5
     leash: float = 0.3
+    limit: float = OBSERVATION_CLIP
+    arm_limit: float = OBSERVATION_CLIP
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.env_config import DomainRandomization
+from kinemimic.train.config.env_config import OBSERVATION_CLIP, DomainRandomization
 from kinemimic.train.config.presets import PRESETS
 
 # Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
@@ -57,7 +57,10 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
         reward=scratch.env.reward,
         max_height_error=scratch.env.max_height_error,
         max_rotation_error=scratch.env.max_rotation_error,
-        tracking=replace(tracker.env.tracking, max_body_error=2.0) if tracker.env.tracking else None,
+        # Pushes throw the humanoid farther than the tracker learned from.
+        tracking=replace(tracker.env.tracking, max_body_error=2.0, limit=OBSERVATION_CLIP)
+        if tracker.env.tracking
+        else None,
         domain_randomization=randomization,
     )
     return TrainConfig(

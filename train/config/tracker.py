@@ -28,7 +28,8 @@ def tracker_config() -> TrainConfig:
                 weights={"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.20}
             ),
             preview=(1, 4, 12),
-            tracking=Tracking(max_body_error=0.5, leash=0.3),
+            # An arm that is held as in no motion of the training made trackers without this limit fall.
+            tracking=Tracking(max_body_error=0.5, leash=0.3, limit=3.0, arm_limit=1.0),
             max_drift=float("1e9"),
             domain_randomization=DomainRandomization(
                 tilt=0.03, spin=0.15, displacement=0.3, pace=(0.95, 1.1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from kinemimic.pipeline.arrays import Floats
+from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.ppo.mlp import CPU, Mlp, choose_gradient_dtype
 from kinemimic.train.rollout.policy import Policy, normalized
 
@@ -38,9 +39,13 @@ class ActorCritic:
 
 
 class Normalizer:
-    """Running mean and variance of observations, merged batch by batch (Chan et al. 1979)."""
+    """Running mean and variance of observations, merged batch by batch (Chan et al. 1979).
 
-    def __init__(self, size: int) -> None:
+    limit: at which normalised observations are clipped, one or (O,).
+    """
+
+    def __init__(self, size: int, limit: Floats | float = OBSERVATION_CLIP) -> None:
+        self.limit = limit
         self.count = 0.0
         self.mean: NDArray[np.float64] = np.zeros(size)
         self.squares: NDArray[np.float64] = np.zeros(size)
@@ -71,13 +76,14 @@ class Normalizer:
     def apply(self, observations: NDArray[np.floating]) -> Tensor:
         """Observations normalised and clipped as in the stored policy, float32."""
         mean, scale = self.mean.astype(np.float32), self.scale.astype(np.float32)
-        return torch.from_numpy(normalized(observations, mean, scale))
+        return torch.from_numpy(normalized(observations, mean, scale, self.limit))
 
 
 def export(net: ActorCritic, normalizer: Normalizer, *, critic: bool = False) -> Policy:
     """The actor with its normaliser, and the critic on demand."""
     mean, scale = normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32)
-    return Policy(_copies(net.actor), mean, scale, critic=_copies(net.critic) if critic else ())
+    value = _copies(net.critic) if critic else ()
+    return Policy(_copies(net.actor), mean, scale, critic=value, limit=normalizer.limit)
 
 
 def _copies(network: Mlp) -> tuple[tuple[Floats, Floats], ...]:

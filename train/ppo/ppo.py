@@ -23,6 +23,7 @@ from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner.base import TrainingProgress, normalized_loss
 from kinemimic.train.runner.tensors import below, restore_optimizer
 from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.observation_layout import observation_limits
 
 Array = NDArray[np.float32]
 
@@ -79,7 +80,7 @@ class PpoAlgorithm:
         torch.manual_seed(config.seed)
         size = observation_size(config.env)
         self.net = ActorCritic(size, ACTIONS, config.hidden, scheduled_at(config.action_std, 0), device)
-        self.normalizer = Normalizer(size)
+        self.normalizer = Normalizer(size, observation_limits(config.env))
         actor = [self.net.actor.parameters] + ([self.net.log_std] if config.learn_action_std else [])
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
         self.critic_optimizer = torch.optim.Adam([self.net.critic.parameters], config.critic_rate, fused=True)

@@ -16,7 +16,7 @@ from kinemimic.pipeline.files.store import atomic
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig
-from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
+from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 from kinemimic.train.task.mirror import action_reflection, observation_reflection
@@ -33,16 +33,19 @@ def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
 
     record: policy.json, from which the model's metadata come (`metadata`).
     """
+    limit = np.broadcast_to(policy.limit, policy.mean.shape).astype(np.float32)
     arrays: dict[str, NDArray[Any]] = {
         "mean": policy.mean,
         "scale": policy.scale,
-        "low": np.array(-OBSERVATION_CLIP, np.float32),
-        "high": np.array(OBSERVATION_CLIP, np.float32),
+        "low": -limit,
+        "high": limit,
     }
     nodes = [
         helper.make_node("Sub", [OBSERVATION, "mean"], ["centred"]),
         helper.make_node("Div", ["centred", "scale"], ["normalized"]),
-        helper.make_node("Clip", ["normalized", "low", "high"], ["clipped"]),
+        # Clip takes only numbers, not arrays.
+        helper.make_node("Max", ["normalized", "low"], ["above"]),
+        helper.make_node("Min", ["above", "high"], ["clipped"]),
     ]
     flow, last = "clipped", len(policy.layers) - 1
     for k, (weight, bias) in enumerate(policy.layers):

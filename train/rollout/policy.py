@@ -24,20 +24,21 @@ from kinemimic.retarget.humanoid.body import body_identity
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.observation_layout import observation_limits
 
 POLICY = "policy.safetensors"  # in a run folder
 POLICY_SCHEMA = 4
-OBSERVATION_CLIP = 8.0
 _LIMIT = 256 * MEGABYTE  # a hundred times the size of a preset's networks
 _ADVICE = "train again"
 
 
-def normalized(observations: NDArray[Any], mean: Floats, scale: Floats) -> Floats:
-    """Observations (N, O) with zero mean and unit variance, clipped, as new float32."""
+def normalized(observations: NDArray[Any], mean: Floats, scale: Floats, limit: Floats | float) -> Floats:
+    """Observations (N, O) with zero mean and unit variance, clipped at ± limit, as new float32."""
     result: Floats = np.subtract(observations, mean, dtype=np.float32)
     result /= scale
-    return np.clip(result, -OBSERVATION_CLIP, OBSERVATION_CLIP, out=result)
+    return np.clip(result, -limit, limit, out=result)
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class Policy:
 
     layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of the observations;
     activation: of the hidden units; bound: of the actions, by a tanh, None for unbounded actions;
-    critic: layers of the value network if other training may start from this policy, or none.
+    critic: layers of the value network if other training may start from this policy, or none; limit: at
+    which normalised observations are clipped, one or (O,) (`observation_limits`).
     """
 
     layers: tuple[tuple[Floats, Floats], ...]
@@ -55,6 +57,7 @@ class Policy:
     activation: Activation = "tanh"
     bound: float | None = None
     critic: tuple[tuple[Floats, Floats], ...] = ()
+    limit: Floats | float = OBSERVATION_CLIP
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -65,7 +68,7 @@ class Policy:
     def act(self, observations: NDArray[Any]) -> Floats:
         """Mean action (N, 42) for raw observations (N, O)."""
         # One column per environment: with the weights on the left, untransposed, the product is faster.
-        x = normalized(observations, self.mean, self.scale).T
+        x = normalized(observations, self.mean, self.scale, self.limit).T
         for weight, bias in self.layers[:-1]:
             x = weight @ x
             x += bias[:, None]
@@ -92,7 +95,8 @@ class Policy:
     def from_tensors(cls, tensors: Mapping[str, Floats], config: TrainConfig) -> Policy:
         """The inverse of `tensors` for a policy of this configuration; KeyError names a missing tensor."""
         actor, critic = (_layers(tensors, network) for network in ("actor", "critic"))
-        return cls(actor, tensors["mean"], tensors["scale"], config.activation, config.bound, critic)
+        mean, scale, limit = tensors["mean"], tensors["scale"], observation_limits(config.env)
+        return cls(actor, mean, scale, config.activation, config.bound, critic, limit)
 
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
         """Write `path` (.safetensors) and the record beside it (.json): configuration, provenance, ..."""

@@ -1,11 +1,37 @@
-"""The parts of an observation: what its numbers mean, in their order."""
+"""The parts of an observation: what its numbers mean, in their order, and their largest magnitudes."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from kinemimic.retarget.humanoid.body import BODIES
-from kinemimic.train.config.env_config import EnvConfig
+import numpy as np
+
+from kinemimic.pipeline.arrays import Floats
+from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
+from kinemimic.train.config.env_config import OBSERVATION_CLIP, EnvConfig
+
+_ARMS = ("upper_arm", "forearm", "hand")
+
+
+def observation_limits(config: EnvConfig) -> Floats:
+    """Largest magnitude (O,) of the normalised observations, before which they are clipped.
+
+    A tracker may have a lower one, and one of its own for what an arm does and lacks (`Tracking`).
+    """
+    rows = layout(config)
+    limits = np.full(rows[-1]["start"] + rows[-1]["size"], OBSERVATION_CLIP, dtype=np.float32)
+    if config.tracking is None:
+        return limits
+    limits[:] = config.tracking.limit
+    for row in rows:
+        # Parts with the same numbers for each body, of all bodies or of all but the pelvis.
+        bodies = BODY_NAMES if row["size"] % len(BODIES) == 0 else BODY_NAMES[1:]
+        if row["size"] % len(bodies):
+            continue
+        arms = np.array([name.startswith(_ARMS) for name in bodies])
+        part = limits[row["start"] : row["start"] + row["size"]]
+        part[np.repeat(arms, row["size"] // len(bodies))] = config.tracking.arm_limit
+    return limits
 
 
 def layout(config: EnvConfig) -> list[dict[str, Any]]:

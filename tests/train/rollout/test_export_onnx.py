@@ -22,6 +22,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.export_onnx import IR, OPSET, metadata, onnx_model, write_onnx
@@ -42,7 +43,7 @@ RECORD = {
 }
 
 
-# Ours, and the ones that a rival's actor may have.
+# Ours, and the ones that a rival's actor may have; the last one with a tracker's limits.
 @pytest.fixture(scope="module", params=[("tanh", None), ("relu", None), ("relu", 0.7), ("tanh", 2.0)])
 def policy(request: pytest.FixtureRequest) -> Policy:
     random = np.random.default_rng(0)
@@ -52,7 +53,9 @@ def policy(request: pytest.FixtureRequest) -> Policy:
         for into, out in pairwise(sizes)
     )
     mean, scale = random.normal(0, 2, SIZE), random.uniform(0.1, 3, SIZE)
-    return Policy(layers, mean.astype(np.float32), scale.astype(np.float32), *request.param)
+    activation, bound = request.param
+    limit = random.choice([1.0, 3.0], SIZE).astype(np.float32) if bound == 2.0 else OBSERVATION_CLIP
+    return Policy(layers, mean.astype(np.float32), scale.astype(np.float32), activation, bound, limit=limit)
 
 
 @pytest.mark.parametrize("figures", [1, 5])
@@ -67,7 +70,9 @@ def test_another_runtime_acts_alike_clipped_or_not(tmp_path: Path, policy: Polic
         close = 1e-6 * max(10.0, float(np.abs(actions).max()))
         np.testing.assert_allclose(actions, policy.act(observations), rtol=1e-5, atol=close)
     # The last ones were clipped.
-    assert np.abs(normalized(observations, policy.mean, policy.scale)).max() == 8.0
+    clipped = np.abs(normalized(observations, policy.mean, policy.scale, policy.limit)).max(axis=0)
+    assert (clipped <= policy.limit).all()
+    assert np.mean(clipped == np.float32(policy.limit)) > 0.9
 
 
 def test_the_graph_is_sound_and_said_to_be_old_enough(policy: Policy) -> None:

@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 from peers.elsewhere import turned
 
+from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.env_config import EnvConfig, Tracking
+from kinemimic.train.config.env_config import OBSERVATION_CLIP, EnvConfig, Tracking
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.env import ACTIONS, ImitationBatch, observation_size
 from kinemimic.train.task.mirror import left_foot_behind
-from kinemimic.train.task.observation_layout import layout
+from kinemimic.train.task.observation_layout import layout, observation_limits
 
 CONFIG = EnvConfig(preview=(1, 4), tracking=Tracking(max_body_error=0.3), mirror=False)
 
@@ -75,6 +77,41 @@ def test_a_far_reference_is_observed_at_the_leash(motion: Motion, way: tuple[flo
     np.testing.assert_allclose(observed[0], observed[1], atol=2e-3)
     pelvis = part(observed[0], "way_to_reference")[:2]
     assert np.hypot(*pelvis) == pytest.approx(min(length, 0.3), abs=0.01)
+
+
+def test_the_arms_limit_is_on_what_an_arm_changes_and_on_nothing_else(motion: Motion) -> None:
+    """Of two references that differ in their arms alone, and of the one's humanoid beside the other."""
+    config = replace(CONFIG, tracking=Tracking(limit=3.0, arm_limit=1.0))
+    rotations = motion.rotations.copy()
+    for joint in ("shoulder", "elbow", "wrist"):
+        for side in ("left", "right"):
+            node = NODE_INDEX[f"{joint}_{side}"]
+            rotations[:, node] = multiply(rotations[:, node], from_rotvec(np.array([0.1, -0.3, 0.1])))
+    references = [Reference(one) for one in (motion, replace(motion, rotations=rotations))]
+    batches = [ImitationBatch(open_world(1, "pybullet"), reference, config) for reference in references]
+    for batch in batches:
+        batch.reset(np.array([0]), np.array([0.3]))
+    observed = [batch.observe()[0] for batch in batches]
+    # The humanoid of the one with the reference of the other.
+    batches[0].restore(batches[1].snapshot())
+    observed.append(batches[0].observe()[0])
+    for batch in batches:
+        batch.world.close()
+    changed = np.ptp(observed, axis=0) > 1e-3
+    limits = observation_limits(config)
+    assert set(limits.tolist()) == {1.0, 3.0}
+    assert (limits[changed] == 1.0).all()
+    assert changed.sum() > 0.7 * (limits == 1.0).sum()
+
+
+def test_only_a_tracker_with_limits_has_them() -> None:
+    """A record from before there were limits is that of a tracker without them, and stays as it is."""
+    assert (observation_limits(EnvConfig()) == OBSERVATION_CLIP).all()
+    older = TrainConfig(env=CONFIG).to_json()
+    assert "limit" not in older["env"]["tracking"]
+    assert (observation_limits(TrainConfig.from_json(older).env) == OBSERVATION_CLIP).all()
+    limited = TrainConfig(env=replace(CONFIG, tracking=Tracking(limit=3.0, arm_limit=1.0)))
+    assert TrainConfig.from_json(limited.to_json()) == limited
 
 
 def test_the_observation_does_not_depend_on_the_lap(motion: Motion) -> None:
