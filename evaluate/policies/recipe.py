@@ -38,7 +38,8 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
 class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):
     """Library and settings of a tracker's training.
 
-    test: subjects that are left out; variants: how many; budget: samples.
+    test: subjects that are left out; variants: how many; budget: samples; earlier: SHA-256 of policies that
+    had this name before, and from which others that ship were trained.
     """
 
     name: str
@@ -47,6 +48,7 @@ class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):
     variants: int
     budget: int
     seed: int
+    earlier: tuple[str, ...] = ()
 
 
 class _File(Struct, forbid_unknown_fields=True):

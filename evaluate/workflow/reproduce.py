@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
+from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording, tracker_recipes
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow.packed_recipe import spread, stage_options
@@ -63,7 +63,6 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
     from kinemimic.train.config.from_tracker import NAMES  # noqa: PLC0415
     from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
-    from kinemimic.train.rollout.tracker_file import tracker_path  # noqa: PLC0415
 
     _, record = Policy.load(run / POLICY)
     if "motion" not in record["provenance"]["inputs"]:
@@ -75,10 +74,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     capture = motion.provenance.get("capture", {})
     expected: dict[str, tuple[Any, Any]] = {
         "preset": (NAMES[recipe.preset] if recipe.start else recipe.preset, record["preset"]),
-        "start": (
-            file_hash(tracker_path(recipe.start)) if recipe.start else "",
-            record["config"].get("start", ""),
-        ),
+        "start": (_start(recipe, record), record["config"].get("start", "")),
         "budget": (recipe.budget, record["config"]["budget"]),
         # Not so if `--minutes` ended the training.
         "budget spent": (True, record["samples"] >= recipe.budget),
@@ -112,6 +108,18 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     write_json(folder / RECORD, {**record, "imitates": motion_summary(motion)})
     copy_file(run / POLICY, folder / POLICY)
     return folder
+
+
+def _start(recipe: Recipe, record: Mapping[str, Any]) -> str:
+    """SHA-256 of the tracker that a policy of this recipe starts from, "" for none: of today's, or of an
+    earlier one if the policy did."""
+    from kinemimic.train.rollout.tracker_file import tracker_path  # noqa: PLC0415 (import cost)
+
+    if not recipe.start:
+        return ""
+    started = record["config"].get("start", "")
+    tracker = tracker_recipes().get(recipe.start)
+    return started if tracker and started in tracker.earlier else file_hash(tracker_path(recipe.start))
 
 
 def reproduce(
