@@ -73,8 +73,8 @@ batch: setup ## Make motions from all captures in CAPTURE= below RUN=, with a ta
 library: setup ## Collect the motions of all captures in CAPTURE= in a motion library at RUN=
 	$(KINEMIMIC) library "$(CAPTURE)" --out "$(RUN)"
 
-tracker: setup ## Train one policy for any motion on the library LIBRARY= into RUN= (hours; FROM= BUDGET= MINUTES= SEED= ENGINE=)
-	$(KINEMIMIC) train-tracker "$(LIBRARY)" --out "$(RUN)" $(TRAINING)
+tracker: setup ## Train one policy for any motion on the library LIBRARY= into RUN= (hours; FROM= BUDGET= MINUTES= SEED= ENGINE= DEVICE=cuda)
+	$(KINEMIMIC) train-tracker "$(LIBRARY)" --out "$(RUN)" $(TRAINING) $(if $(DEVICE),--device "$(DEVICE)")
 
 formats: setup ## List the capture formats that can be read
 	$(KINEMIMIC) formats

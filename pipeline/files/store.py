@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import os
@@ -81,7 +82,7 @@ def remove_leftovers(path: Path) -> None:
     """Delete the temporary files that a killed `atomic(path)` left; nobody else may be writing `path`."""
     # What mkstemp adds has eight characters.
     name = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}" + re.escape(path.suffix))
-    for rest in path.parent.glob(f".{path.name}.*"):
+    for rest in path.parent.glob(glob.escape(f".{path.name}.") + "*"):
         if name.fullmatch(rest.name):
             rest.unlink(missing_ok=True)
 

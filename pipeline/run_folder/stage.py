@@ -105,8 +105,7 @@ def recovered(run: Path) -> Record:
         record = _finish(run, record)
     for rest in run.glob(_STAGING.format("*")):
         shutil.rmtree(rest, ignore_errors=True)
-    for name in (RUN_FILE, INDEX):  # all others are written in the staging folder
-        remove_leftovers(run / name)
+    remove_leftovers(run / RUN_FILE)
     return record
 
 

@@ -2,9 +2,10 @@
 
 A library of a few dozen loops holds a few people, whose knees, arms and pelvis move alike. A variant mixes
 two loops of a kind, then draws a cadence, stride, crouch, stance width, posture and rotation of pelvis and
-trunk of its own, symmetric but for a little. The ranges cover the walks of CMU and of a Kinect that this was
-developed with. Some variants have what a depth sensor delivers: legs that move in a plane, and neutral feet.
-The last steps of `retarget` follow: the root path on which the feet do not slide, and the refinement.
+trunk of its own, symmetric but for a little and for an arm that is held. The ranges cover the walks of CMU
+and of a Kinect that this was developed with. Some variants have what a depth sensor delivers: legs that move
+in a plane, and neutral feet. The last steps of `retarget` follow: the root path on which the feet do not
+slide, and the refinement.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ DEPTH_SENSOR = 0.5  # probability of neutral feet
 ARMLESS = 0.12  # probability of arms that hang straight and still, as in skeletons without arms
 # Probability of arms that are held in some other way: away from the body, behind it, with a bag or a
 # telephone. A tracker that has not seen such arms falls with walkers whose legs it could follow.
-HELD = 0.4
+HELD = 0.4  # of those with arms
 ONE_ARM = 0.4  # of them, the share in which the other arm swings as usual
 # Of a held arm, rad: abduction and flexion of the upper arm, its rotation, flexion of the elbow; what remains
 # of its swing.
@@ -75,7 +76,8 @@ SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "knee": ((0.0, 0.04, 0.0), (0.0, 0.15, 0.0)),
     "ankle": ((0.02, 0.07, 0.05), (0.3, 0.35, 0.5)),
 }
-# Of all ranges, by kind: a run has less latitude, since nothing carries the body in flight.
+# Of all ranges but those of held arms, by kind: a run has less latitude, since nothing carries the body in
+# flight.
 SPREAD = {"walk": 1.0, "run": 0.6}
 ATTEMPTS = 90
 # A new speed is drawn only after so many attempts: of fast variants, fewer are plausible, and without this

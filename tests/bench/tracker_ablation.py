@@ -65,7 +65,7 @@ def recorded_only(source: Path, folder: Path) -> Path:
 
 @contextmanager
 def sampling(variant: str) -> Iterator[None]:
-    """Draw motions uniformly in that variant, by their failures in all others."""
+    """Draw motions uniformly in that variant, adaptively in all others."""
     floor = motion_sampling.FLOOR
     if variant == UNIFORM:
         motion_sampling.FLOOR = 1.0
@@ -127,7 +127,7 @@ def _cell(rows: Sequence[dict[str, Any]], key: str) -> str:
 @click.argument("library", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.argument("out", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--samples", type=click.IntRange(min=1), default=10_800_000, show_default=True,
-              help="Of each training; by default a fifth of the tracker that ships.")  # fmt: skip
+              help="Of each training; by default a fifth of the first tracker.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(min=1), default=2, show_default=True)
 def main(library: Path, out: Path, samples: int, seeds: int) -> None:
     """Train and score every variant on LIBRARY (of `kinemimic library`, with variants and subjects left out

@@ -70,7 +70,8 @@ class DomainRandomization:
 LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0]}
 
 
-# The same of a tracker; every policy clips its normalised observations at this.
+# Limits that trackers of earlier versions do not state. Every other policy clips its normalised observations
+# at OBSERVATION_CLIP.
 OBSERVATION_CLIP = 8.0
 LATER_LIMITS = {"limit": OBSERVATION_CLIP, "arm_limit": OBSERVATION_CLIP}
 
@@ -82,14 +83,20 @@ class Tracking:
 
     max_body_error: mean distance of the bodies from their references at which an episode ends, m; in
     training, `TrainConfig.body_error` may change it. leash: the policy observes a reference that is farther
-    away on the ground as if it were this far, m. limit, arm_limit: it observes nothing farther from the mean
-    of its training than this, in standard deviations; of the arms.
+    away on the ground as if it were this far, m. limit, arm_limit: at which its normalised observations are
+    clipped, in standard deviations; arm_limit for those of the arms.
     """
 
     max_body_error: float = 0.5
     leash: float = 0.3
     limit: float = OBSERVATION_CLIP
     arm_limit: float = OBSERVATION_CLIP
+
+    def __post_init__(self) -> None:
+        for name in LATER_LIMITS:
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise RecordError(name, expected="a number above 0", found=f"{value}")
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
         reward=scratch.env.reward,
         max_height_error=scratch.env.max_height_error,
         max_rotation_error=scratch.env.max_rotation_error,
-        # Pushes throw the humanoid farther than the tracker learned from.
+        # Pushes throw the humanoid farther than the tracker learned from. The arms' limit stays.
         tracking=replace(tracker.env.tracking, max_body_error=2.0, limit=OBSERVATION_CLIP)
         if tracker.env.tracking
         else None,

@@ -226,7 +226,7 @@ class PpoAlgorithm:
         return export(self.net, self.normalizer, critic=self.config.env.tracking is not None)
 
     def record_extras(self) -> dict[str, Any]:
-        """The GPU that updated the networks, if one did."""
+        """The GPU that updates the networks, if one does."""
         return {} if self.device == CPU else {"device": torch.cuda.get_device_name(self.device)}
 
     def record(self) -> dict[str, Any]:

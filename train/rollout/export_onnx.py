@@ -43,7 +43,7 @@ def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
     nodes = [
         helper.make_node("Sub", [OBSERVATION, "mean"], ["centred"]),
         helper.make_node("Div", ["centred", "scale"], ["normalized"]),
-        # Clip takes only numbers, not arrays.
+        # Clip takes scalars, not arrays.
         helper.make_node("Max", ["normalized", "low"], ["above"]),
         helper.make_node("Min", ["above", "high"], ["clipped"]),
     ]

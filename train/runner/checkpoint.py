@@ -68,8 +68,8 @@ def save(path: Path, training: TrainingState, motion: str) -> None:
         **algorithm.record(),
         "evaluations": [evaluation.to_json() for evaluation in training.evaluations],
     }
-    remove_leftovers(path)
     try:
+        remove_leftovers(path)
         with atomic(path) as temporary:
             save_file(arrays, temporary, metadata={"kinemimic": json.dumps(record)})
     except (OSError, SafetensorError) as error:

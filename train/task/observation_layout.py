@@ -14,9 +14,10 @@ _ARMS = ("upper_arm", "forearm", "hand")
 
 
 def observation_limits(config: EnvConfig) -> Floats:
-    """Largest magnitude (O,) of the normalised observations, before which they are clipped.
+    """Largest magnitude (O,) of the normalised observations, at which they are clipped.
 
-    A tracker may have a lower one, and one of its own for what an arm does and lacks (`Tracking`).
+    A tracker may have lower ones, and one of its own for the arms and their differences from the reference
+    (`Tracking`).
     """
     rows = layout(config)
     limits = np.full(rows[-1]["start"] + rows[-1]["size"], OBSERVATION_CLIP, dtype=np.float32)

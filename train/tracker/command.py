@@ -68,12 +68,13 @@ def train_tracker(
     KinemimicError without a motion to train on or without that GPU, and for a checkpoint of another library
     or other settings.
     """
+    updated_on = _device(device)
     with locked(out), simulators(ray, workers) as where:
         return _train(
             source,
             out,
             where,
-            _device(device),
+            updated_on,
             config,
             start,
             budget,
@@ -85,6 +86,8 @@ def train_tracker(
 
 
 def _device(name: str) -> torch.device:
+    if name not in DEVICES:
+        raise KinemimicError(f"expected a device among {', '.join(DEVICES)}, found {name!r}")
     if name == "cuda" and not torch.cuda.is_available():
         raise KinemimicError(
             f"--device cuda: expected a GPU that PyTorch can use, found none with torch {torch.__version__}; "

@@ -26,11 +26,12 @@ class Outcome(NamedTuple):
 class MotionStatistics:
     """Moving means of M motions.
 
-    failures: (M,) share of failed episodes, 1 before the first one; lengths: (M,) steps of an episode.
+    failures: (M,) share of failed episodes, ½ before the first one, so that a motion that nobody has tried is
+    drawn as often as any; lengths: (M,) steps of an episode.
     """
 
     def __init__(self, motions: int, length: float) -> None:
-        self.failures: Array = np.ones(motions)
+        self.failures: Array = np.full(motions, 0.5)
         self.lengths: Array = np.full(motions, length)
 
     def update(self, outcomes: Iterable[Outcome]) -> None:

@@ -77,8 +77,9 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def without_index(files: dict[str, bytes]) -> dict[str, bytes]:
-    """Without the page about the folder, which a command writes after its stage has ended."""
-    return {name: content for name, content in files.items() if name != INDEX}
+    """Without the page about the folder, written after a stage has ended, or a part of it."""
+    left = f".{INDEX}."
+    return {name: content for name, content in files.items() if name != INDEX and not name.startswith(left)}
 
 
 def kill_stages(folder: Path, writes: int, times: int) -> None:

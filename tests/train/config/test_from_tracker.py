@@ -46,6 +46,8 @@ def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
     assert robust.env.tracking is not None
     assert polish.env.tracking is not None
     assert robust.env.tracking.max_body_error > polish.env.tracking.max_body_error
+    assert (polish.env.tracking.limit, polish.env.tracking.arm_limit) == (3.0, 1.0)
+    assert (robust.env.tracking.limit, robust.env.tracking.arm_limit) == (8.0, 1.0)
     assert robust.env.max_height_error > polish.env.max_height_error
     # It comes back to the reference in the end.
     assert robust.measured_env.reward.weights["path"] > polish.measured_env.reward.weights["path"]

@@ -30,8 +30,15 @@ def test_motions_that_all_fail_or_all_succeed_are_alike(failures: float) -> None
     np.testing.assert_allclose(statistics([failures] * 5, [3.0, 1.0, 2.0, 4.0, 5.0]).weights(), 0.2)
 
 
+def test_a_motion_that_was_never_tried_is_drawn_as_often_as_any() -> None:
+    found = MotionStatistics(4, 100.0)
+    found.update([Outcome(0, False, 100), Outcome(1, True, 100)])
+    weights = found.weights()
+    assert weights[2] == weights[3] == weights.max()
+
+
 def test_failures_and_lengths_are_moving_means() -> None:
     found = MotionStatistics(2, 100.0)
     found.update([Outcome(0, False, 300), Outcome(1, True, 20), Outcome(0, False, 300)])
-    np.testing.assert_allclose(found.failures, [(1.0 - RATE) ** 2, 1.0])
+    np.testing.assert_allclose(found.failures, [0.5 * (1.0 - RATE) ** 2, 1.0 - 0.5 * (1.0 - RATE)])
     np.testing.assert_allclose(found.lengths, [300.0 - 200.0 * (1.0 - RATE) ** 2, 100.0 - 80.0 * RATE])
