@@ -14,10 +14,11 @@ CPU = torch.device("cpu")
 def choose_gradient_dtype(device: torch.device = CPU) -> torch.dtype:
     """Choose torch's fastest exact float32 matrix product; returns the dtype for products of gradients.
 
-    A GPU multiplies in float32 throughout: TensorFloat-32 would round outputs, and the update is hardly ever
-    what training waits for there.
-    torch gives float32 products to MKL, which runs AVX2 code on processors that are not Intel's. The setting
-    "medium" gives them to oneDNN, which uses AVX-512 everywhere and is twice as fast, but may round to
+    A GPU multiplies in float32 throughout: TensorFloat-32 would round outputs, and training hardly ever waits
+    for the update there.
+
+    On a CPU, torch gives float32 products to MKL, which runs AVX2 code on processors that are not Intel's.
+    The setting "medium" gives them to oneDNN, which uses AVX-512 everywhere and is twice as fast, but may round to
     bfloat16. It does so only with matrix tiles (AMX); a test product detects that, and MKL stays in use.
     Gradients tolerate bfloat16: it changes them by 0.1 to 0.5 % of their length, another minibatch by 30 to
     160 %. Outputs stay exact, because ratios and KL compare with a policy that acts in float32.
