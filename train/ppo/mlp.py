@@ -18,10 +18,10 @@ def choose_gradient_dtype(device: torch.device = CPU) -> torch.dtype:
     for the update there.
 
     On a CPU, torch gives float32 products to MKL, which runs AVX2 code on processors that are not Intel's.
-    The setting "medium" gives them to oneDNN, which uses AVX-512 everywhere and is twice as fast, but may round to
-    bfloat16. It does so only with matrix tiles (AMX); a test product detects that, and MKL stays in use.
-    Gradients tolerate bfloat16: it changes them by 0.1 to 0.5 % of their length, another minibatch by 30 to
-    160 %. Outputs stay exact, because ratios and KL compare with a policy that acts in float32.
+    The setting "medium" gives them to oneDNN, which uses AVX-512 everywhere and is twice as fast, but may
+    round to bfloat16. It does so only with matrix tiles (AMX); a test product detects that, and MKL stays in
+    use. Gradients tolerate bfloat16: it changes them by 0.1 to 0.5 % of their length, another minibatch by 30
+    to 160 %. Outputs stay exact, because ratios and KL compare with a policy that acts in float32.
     """
     if device != CPU:
         torch.set_float32_matmul_precision("highest")
