@@ -243,7 +243,7 @@ def _clip(file: pq.ParquetFile, header: Mapping[str, Any]) -> Clip:
         raise ValueError(f"the Euler orders {orders!r}")
     if world.shape != (4,) or not abs(np.linalg.norm(world) - 1.0) < _UNIT:
         raise ValueError(f"{header['world_from_file']!r} for a rotation from the file's axes")
-    table = file.read(columns=["time_s", "pass"])
+    table = file.read(columns=["time_s", "pass"], use_threads=False)
     times = numbers(table, "time_s")
     if not len(times) or not np.isfinite(times).all():
         raise ValueError("no frames" if not len(times) else "times that are not finite")

@@ -30,10 +30,11 @@ def open_table(path: Path, *, kind: str, advice: str) -> Iterator[tuple[pq.Parqu
     CaptureError if it is damaged, too large or not a table, and for errors of the block that damage causes.
     """
     require_regular(path, kind)
-    # An open file: pyarrow refuses paths that are not UTF-8.
+    # An open file: pyarrow refuses paths that are not UTF-8. Without threads, here and in all reads of it: a
+    # thread of pyarrow that still holds a Python file when the interpreter exits can abort the process.
     with path.open("rb") as stream:
         try:
-            file = pq.ParquetFile(stream)
+            file = pq.ParquetFile(stream, pre_buffer=False)
             rows, columns = file.metadata.num_rows, file.metadata.num_columns
             if rows * columns > _CELLS:
                 raise ValueError(f"{rows:,} rows of {columns:,} columns, more than fit into memory")
@@ -62,7 +63,7 @@ def open_table(path: Path, *, kind: str, advice: str) -> Iterator[tuple[pq.Parqu
 def read_table(path: Path, *, kind: str, advice: str) -> tuple[pa.Table, Any]:
     """The whole table of `open_table`, and its header."""
     with open_table(path, kind=kind, advice=advice) as (file, header):
-        return file.read(), header
+        return file.read(use_threads=False), header
 
 
 def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
@@ -97,7 +98,7 @@ def lists(file: pq.ParquetFile, name: str, width: int, kinds: str = "f") -> NDAr
         found = file.metadata.row_group(group)
         if found.column(place).num_values > found.num_rows * max(width, 1):
             raise ValueError(f"column {name!r} without {width} numbers in every row")
-        column = file.read_row_group(group, columns=[name]).column(0).combine_chunks()
+        column = file.read_row_group(group, [name], use_threads=False).column(0).combine_chunks()
         if column.null_count == len(column) and whole is None:
             start += len(column)
             continue
