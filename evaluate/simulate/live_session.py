@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -15,14 +14,15 @@ from kinemimic.evaluate.simulate.inputs import Enter, Input, Restart
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.live.capture import FORGET, LiveCapture, Moment
+from kinemimic.pipeline.live.capture import FORGET, LiveCapture
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.live.performer import Performer
 from kinemimic.train.config.env_config import EnvConfig
-from kinemimic.train.reference.live_reference import AHEAD, LiveReference
+from kinemimic.train.prediction.predictor import Predictor
+from kinemimic.train.reference.live_reference import AHEAD, KNOWN, LiveReference
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Scenario
@@ -31,7 +31,6 @@ from kinemimic.train.task.mirror import Mirror, left_foot_behind
 
 # A reference stands if hips and feet move by less than this over the preview, m.
 STANDS = 0.06
-PREVIEW = (AHEAD - 1) / CONTROL_RATE  # s
 FADE = 0.2  # of the share of balance, per control step
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
@@ -39,8 +38,8 @@ _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 class LiveSession(Session):
     """One humanoid that follows a live capture.
 
-    The humanoid performs what the person did `latency` ago: the lag of the filter, and the preview of the
-    tracker. restarts: number of times that somebody asked for one.
+    The humanoid performs what the person did the lag of the filter ago; the poses to which the tracker looks
+    ahead are predicted. restarts: number of times that somebody asked for one.
     """
 
     def __init__(
@@ -49,6 +48,7 @@ class LiveSession(Session):
         config: EnvConfig,
         engine: str,
         settings: LiveSettings,
+        predictor: Predictor,
         *,
         restart: bool = True,
         scenario_named: Callable[[str], Scenario] | None = None,
@@ -58,12 +58,9 @@ class LiveSession(Session):
         self.performer = Performer(float(CONTROL_RATE))
         first = self.performer.perform(None)
         self.restarts = 0
-        # The moments of the reference from the one that is performed to the newest; None where nobody was.
-        self._moments: deque[float | None] = deque([None] * AHEAD, maxlen=AHEAD)
-        self._senders = 0
         self._mirror = Mirror(config)
         self._place_there = settings.place
-        self._live = LiveReference(first.root, first.rotations)
+        self._live = LiveReference(first.root, first.rotations, predictor.predict)
         self._balance = 1.0  # share of balance in the actions
         self._placed_in: int | None = None
         self._shown: LiveView | None = None
@@ -104,7 +101,7 @@ class LiveSession(Session):
         self._live.append(performed.root, performed.rotations)
         if performed.appeared and self._place_there:
             # When the humanoid comes to the person's first frames, behind the fade.
-            self._placed_in = AHEAD + CONTROL_RATE // 2
+            self._placed_in = KNOWN + CONTROL_RATE // 2
         if self._placed_in is not None:
             self._placed_in -= 1
             if self._placed_in <= 0:
@@ -116,7 +113,7 @@ class LiveSession(Session):
             clean=nowhere if moment is None else moment.positions[moment.now],
             time=float("nan") if moment is None else moment.time,
             presence=performed.presence,
-            latency=self._latency(moment),
+            latency=float("nan") if moment is None else moment.lag,
             people=self.performer.people,
             starved=moment is None,
         )
@@ -125,19 +122,6 @@ class LiveSession(Session):
     def shown(self) -> LiveView | None:
         """The capture at the end of the last control step."""
         return self._shown
-
-    def _latency(self, moment: Moment | None) -> float:
-        """Seconds from the moment that is performed to the newest frame; NaN where no frame is due."""
-        if self._senders != self.capture.senders:
-            # Another clock.
-            self._senders = self.capture.senders
-            self._moments.extend([None] * AHEAD)
-        self._moments.append(None if moment is None else moment.time)
-        if moment is None:
-            return float("nan")
-        # Where nobody was yet, as if the sender's clock had gone on at its pace.
-        k, performed = next((k, time) for k, time in enumerate(self._moments) if time is not None)
-        return moment.time + moment.lag - performed + k / CONTROL_RATE
 
     def _actions(self) -> Array:
         """The policy's, or those of balance where the reference stands."""
@@ -199,4 +183,4 @@ class LiveSession(Session):
             doing = "changing between standing and following the person"
         if shown.starved:
             return f"**{doing}**"
-        return f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)"
+        return f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind"

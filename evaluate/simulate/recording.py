@@ -22,9 +22,10 @@ from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
-from kinemimic.pipeline.files.store import copy_file
+from kinemimic.pipeline.files.store import copy_file, file_hash
 from kinemimic.pipeline.live.frame import CapturedFrame, checked_frame
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.prediction.predictor import SHIPPED, Predictor
 from kinemimic.train.rollout.policy import POLICY, Policy, load_trained
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -39,13 +40,15 @@ MAX_STEPS = 2 * 3600 * CONTROL_RATE  # of a recording; a replay holds all of the
 
 
 class _Header(Struct):
-    """The first line. speed: factor on the motion's speed; live: of a session that a live capture drives."""
+    """The first line. speed: factor on the motion's speed; live, predictor: of a session that a live capture
+    drives, with the SHA-256 of the predictor."""
 
     schema: int
     engine: str
     restart: bool = True
     speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
     live: LiveSettings | None = None
+    predictor: str = ""
 
 
 class _Line(Struct):
@@ -76,7 +79,8 @@ def begin_live_session(
     """A session of a run's policy driven by a live capture; raises KinemimicError as `Policy.load` does."""
     policy, record = Policy.load(run / POLICY)
     env = TrainConfig.from_json(record["config"]).measured_env
-    return LiveSession(policy, env, engine, settings, restart=restart, scenario_named=named)
+    predictor = Predictor.load()
+    return LiveSession(policy, env, engine, settings, predictor, restart=restart, scenario_named=named)
 
 
 def next_folder(recordings: Path) -> Path:
@@ -105,7 +109,7 @@ class Recorder:
     ) -> None:
         folder.mkdir(parents=True)
         self.folder, self._size, self._steps = folder, 0, 0
-        header = _Header(SCHEMA, engine, restart, speed, live)
+        header = _Header(SCHEMA, engine, restart, speed, live, file_hash(SHIPPED) if live else "")
         try:
             for name in COPIED if live else (MOTION, *COPIED):
                 copy_file(run / name, folder / name)
@@ -161,6 +165,14 @@ class Replay:
         header = _decoded(path, number, text, _Header)
         if header.schema != SCHEMA:
             raise CaptureError(path, where="line 1", expected=f"schema {SCHEMA}", found=str(header.schema))
+        if header.live and header.predictor != file_hash(SHIPPED):
+            raise CaptureError(
+                path,
+                where="line 1",
+                expected="a recording with the predictor of this version",
+                found="another",
+                advice="replay it with the version that recorded it",
+            )
         session = _begun(self._folder, header, self._named)
         try:
             yield from _replayed(path, lines, session)

@@ -20,7 +20,6 @@ from kinemimic.evaluate.stream.source import Source
 from kinemimic.evaluate.stream.watched import NoPage, Watched
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.reference.live_reference import AHEAD
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -68,7 +67,7 @@ def stream(
     )  # fmt: skip
     if record:
         loop.record()
-    tail = round((settings.lag + AFTER) * CONTROL_RATE) + AHEAD
+    tail = round((settings.lag + AFTER) * CONTROL_RATE)
 
     def ended() -> bool:
         return source.ended

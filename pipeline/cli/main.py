@@ -77,6 +77,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.train.tracker.command:command",
         "Train one policy for any motion, on a motion library.",
     ),
+    "train-predictor": (
+        "kinemimic.train.prediction.command:command",
+        "Learn from a motion library how a motion goes on.",
+    ),
     "evaluate-tracker": (
         "kinemimic.evaluate.scoring.tracker_command:command",
         "Score a tracker on every motion of a library.",

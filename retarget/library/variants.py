@@ -39,8 +39,8 @@ FRAME_RATE = 60.0
 SECOND_LOOP = 0.7  # probability of a second loop
 SYMMETRIC = 0.7  # probability of a symmetric gait
 MIX = 0.6  # largest share of the second loop
-PERIOD = (0.75, 1.35)  # factor on the duration
-STRIDE = (0.7, 1.5)  # factor on the flexion of hips and knees
+PERIOD = {"walk": (0.75, 2.0), "run": (0.75, 1.35)}  # factor on the duration
+STRIDE = {"walk": (0.5, 1.5), "run": (0.7, 1.5)}  # factor on the flexion of hips and knees
 # Without this, most variants would be as slow as the loops, and a tracker would fall behind whoever walks
 # briskly. m/s: what a walk aims at; what it reaches depends on its posture, and is less for brisk walks.
 WALKING = (0.4, 2.8)
@@ -206,10 +206,11 @@ def _tempo(loop: Motion, random: np.random.Generator, kind: str, speed: float) -
     """
     if kind != "walk":
         spread = SPREAD[kind]
-        return random.uniform(*PERIOD) ** spread, random.uniform(*STRIDE) ** spread
+        return random.uniform(*PERIOD[kind]) ** spread, random.uniform(*STRIDE[kind]) ** spread
     share = np.sqrt(speed / max(loop.cycle_offset[0] / loop.duration, SPEEDS[kind][0]))
     ratio = np.exp(WALK_RATIO * random.standard_normal())
-    return float(np.clip(1.0 / (share * ratio), *PERIOD)), float(np.clip(share / ratio, *STRIDE))
+    slower, stride = np.clip(1.0 / (share * ratio), *PERIOD[kind]), np.clip(share / ratio, *STRIDE[kind])
+    return float(slower), float(stride)
 
 
 def _draw(random: np.random.Generator) -> tuple[Array, Array]:

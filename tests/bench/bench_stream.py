@@ -32,7 +32,6 @@ from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.strides.excerpt import excerpt_of_bout, excerpt_of_pass
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.reference.live_reference import AHEAD
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.rollout import collect_here
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
@@ -117,19 +116,20 @@ def live(path: Path, engine: str) -> tuple[Followed, Array, Array]:
         frames.append(session.advance())
         spent.append(time.process_time() - began)
     session.close()
-    # The end of a control step performs what the reference had as its newest so many steps before.
-    shown = [frame.shown for frame in frames[: 1 - AHEAD]]
-    ends = frames[AHEAD - 1 :]
+    # A control step ends at the reference's newest frame.
+    shown = [frame.shown for frame in frames]
     # The humanoid is put onto the reference half a second after it took up the person.
     ready = np.array([one is not None and one.presence >= 1.0 and not one.starved for one in shown])
     ready &= np.arange(len(ready)) > int(np.argmax(ready)) + 1
-    fallen = np.maximum.accumulate([frame.fallen and known for frame, known in zip(ends, ready, strict=True)])
-    names = ends[0].angles.keys()
+    fallen = np.maximum.accumulate(
+        [frame.fallen and known for frame, known in zip(frames, ready, strict=True)]
+    )
+    names = frames[0].angles.keys()
     return (
         Followed(
             np.array([one.time for one in shown if one is not None])[ready],
-            {name: np.array([frame.wanted[name] for frame in ends])[ready] for name in names},
-            {name: np.array([frame.angles[name] for frame in ends])[ready] for name in names},
+            {name: np.array([frame.wanted[name] for frame in frames])[ready] for name in names},
+            {name: np.array([frame.angles[name] for frame in frames])[ready] for name in names},
             ~np.asarray(fallen)[ready],
         ),
         np.array([one.latency for one, known in zip(shown, ready, strict=True) if one is not None and known]),

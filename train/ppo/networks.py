@@ -12,7 +12,8 @@ from torch import Tensor
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.ppo.mlp import CPU, Mlp, choose_gradient_dtype
-from kinemimic.train.rollout.policy import Policy, normalized
+from kinemimic.train.rollout.network import normalized
+from kinemimic.train.rollout.policy import Policy
 
 # Samples that the statistics of a policy count for when training starts from it.
 START_COUNT = 1e7

@@ -1,8 +1,9 @@
-"""A reference that grows while it is followed: frames of a live capture, a fixed number of them ahead."""
+"""A reference that grows while it is followed: the frames of a live capture, and a prediction of the next."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,10 +13,14 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Poses
 
-AHEAD = 13  # frames: the tracker's preview of 12 control steps after the step
+KNOWN = 1  # frames ahead of the present that have come: the coming control step ends at the newest
+AHEAD = 13  # frames ahead that a tracker sees: its preview of 12 control steps, after the coming one
 BEHIND = 6  # frames before the present, which the splines through the present need
+MEMORY = 13  # frames from which the next are predicted, at least BEHIND + 1 + KNOWN
 _ROWS = 8  # of the tables for each frame, for as many torques as substeps
 RATE = float(CONTROL_RATE)
+# The AHEAD - KNOWN frames, (F, 3) and (F, 20, 4), that follow on the last MEMORY ones.
+Predict = Callable[[Array, Array], tuple[Array, Array]]
 
 
 class _Stretch(Reference):
@@ -38,21 +43,21 @@ class _Stretch(Reference):
 class LiveReference(Reference):
     """Frames come in by `append`, one before every control step; a phase is seconds since the first frame.
 
-    newest: number of the newest frame; `present` is AHEAD frames before it, in seconds.
+    newest: number of the newest frame that has come; `present` is KNOWN frames before it, in seconds.
     """
 
-    def __init__(self, root: Array, rotations: Array) -> None:
+    def __init__(self, root: Array, rotations: Array, predict: Predict) -> None:
         """The reference has stood in a pose of root (3,) and rotations (20, 4) until now."""
-        size = BEHIND + AHEAD + 1
-        self.newest = AHEAD
-        self._roots = deque([root] * size, maxlen=size)
-        self._turns = deque([rotations] * size, maxlen=size)
+        self.newest = KNOWN
+        self._predict = predict
+        self._roots = deque([root] * MEMORY, maxlen=MEMORY)
+        self._turns = deque([rotations] * MEMORY, maxlen=MEMORY)
         self._rebuild()
 
     @property
     def present(self) -> float:
         """Phase at which the coming control step begins."""
-        return (self.newest - AHEAD) / RATE
+        return (self.newest - KNOWN) / RATE
 
     def append(self, root: Array, rotations: Array) -> None:
         """The next frame, of root (3,) and local rotations (20, 4)."""
@@ -62,12 +67,14 @@ class LiveReference(Reference):
         self._rebuild()
 
     def _rebuild(self) -> None:
-        count = len(self._roots)
+        roots, turns = np.array(self._roots), np.array(self._turns)
+        next_roots, next_turns = self._predict(roots, turns)
+        count, known = BEHIND + 1 + AHEAD, BEHIND + 1 + KNOWN
         self._stretch = _Stretch(
             Motion(
                 RATE,
-                np.array(self._roots),
-                continuous(np.array(self._turns)),
+                np.concatenate([roots[-known:], next_roots]),
+                continuous(np.concatenate([turns[-known:], next_turns])),
                 np.zeros((count, 2), dtype=np.bool_),
                 cyclic=False,
             )
@@ -90,8 +97,8 @@ class LiveReference(Reference):
 
     def _within(self, phase: Array) -> Array:
         """Phases of the stretch; those before it are its first frame, those after it its last."""
-        first = self.newest - (len(self._roots) - 1)
-        place = (np.asarray(phase) * RATE - first) / (len(self._roots) - 1)
+        first = self.newest - KNOWN - BEHIND
+        place = (np.asarray(phase) * RATE - first) / (BEHIND + AHEAD)
         # Rounding must not put the newest frame beyond the end.
         return np.clip(place, 0.0, 1.0)
 

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.numpy import load, save
+from safetensors.numpy import save
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.records import convert
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic, read_json, write_json
@@ -25,20 +23,13 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import OBSERVATION_CLIP
+from kinemimic.train.rollout.network import Layers, normalized, read_tensors, sizes, stored_layers
 from kinemimic.train.task.env import ACTIONS, observation_size
 from kinemimic.train.task.observation_layout import observation_limits
 
 POLICY = "policy.safetensors"  # in a run folder
 POLICY_SCHEMA = 4
-_LIMIT = 256 * MEGABYTE  # a hundred times the size of a preset's networks
 _ADVICE = "train again"
-
-
-def normalized(observations: NDArray[Any], mean: Floats, scale: Floats, limit: Floats | float) -> Floats:
-    """Observations (N, O) with zero mean and unit variance, clipped at ± limit, as new float32."""
-    result: Floats = np.subtract(observations, mean, dtype=np.float32)
-    result /= scale
-    return np.clip(result, -limit, limit, out=result)
 
 
 @dataclass(frozen=True)
@@ -51,18 +42,18 @@ class Policy:
     which normalised observations are clipped, one or (O,) (`observation_limits`).
     """
 
-    layers: tuple[tuple[Floats, Floats], ...]
+    layers: Layers
     mean: Floats
     scale: Floats
     activation: Activation = "tanh"
     bound: float | None = None
-    critic: tuple[tuple[Floats, Floats], ...] = ()
+    critic: Layers = ()
     limit: Floats | float = OBSERVATION_CLIP
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of observations and actions; zeros if the layers do not fit together."""
-        inputs, actions = _shape(self.layers)
+        inputs, actions = sizes(self.layers)
         return (inputs, actions) if (inputs,) == self.mean.shape == self.scale.shape else (0, 0)
 
     def act(self, observations: NDArray[Any]) -> Floats:
@@ -94,7 +85,7 @@ class Policy:
     @classmethod
     def from_tensors(cls, tensors: Mapping[str, Floats], config: TrainConfig) -> Policy:
         """The inverse of `tensors` for a policy of this configuration; KeyError names a missing tensor."""
-        actor, critic = (_layers(tensors, network) for network in ("actor", "critic"))
+        actor, critic = (stored_layers(tensors, network) for network in ("actor", "critic"))
         mean, scale, limit = tensors["mean"], tensors["scale"], observation_limits(config.env)
         return cls(actor, mean, scale, config.activation, config.bound, critic, limit)
 
@@ -115,7 +106,7 @@ class Policy:
                 f"{path}: expected a policy for this version's body, found one trained on another "
                 "(other lengths, masses or motors), which would make it fall; train again"
             )
-        tensors = _read_tensors(path)
+        tensors = read_tensors(path, "a policy", _ADVICE)
         config = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
         try:
             policy = cls.from_tensors(tensors, config)
@@ -129,7 +120,7 @@ class Policy:
                 f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, by its configuration, "
                 f"found {shape[0]} and {shape[1]}"
             )
-        if policy.critic and _shape(policy.critic) != (wanted[0], 1):
+        if policy.critic and sizes(policy.critic) != (wanted[0], 1):
             raise KinemimicError(
                 f"{path}: expected a critic of the same observations, found another; {_ADVICE}"
             )
@@ -138,21 +129,6 @@ class Policy:
                 f"{path}: expected a scale above zero, found {policy.scale.min()}; {_ADVICE}"
             )
         return policy, record
-
-
-def _shape(layers: tuple[tuple[Floats, Floats], ...]) -> tuple[int, int]:
-    """Sizes of the input and the output; zeros if the layers do not fit together."""
-    into = [weight.shape[1:] for weight, _ in layers]
-    out = [weight.shape[:1] for weight, _ in layers]
-    if not layers or into[1:] != out[:-1] or out != [bias.shape for _, bias in layers] or () in into:
-        return 0, 0
-    return into[0][0], out[-1][0]
-
-
-def _layers(tensors: Mapping[str, Floats], network: str) -> tuple[tuple[Floats, Floats], ...]:
-    """The layers of a network, none if it has none; KeyError names a missing tensor."""
-    depth = sum(name.startswith(f"{network}.") and name.endswith(".weight") for name in tensors)
-    return tuple((tensors[f"{network}.{k}.weight"], tensors[f"{network}.{k}.bias"]) for k in range(depth))
 
 
 # Keys of schema 3 and of schema 4.
@@ -228,30 +204,6 @@ class _Record(Struct):
     engine: str = ""
     simulated: bool = False
     finished: bool = True
-
-
-def _read_tensors(path: Path) -> dict[str, Floats]:
-    """Tensors by name; KinemimicError unless finite float32 of one or two dimensions."""
-    try:
-        tensors: dict[str, Floats] = load(read_bounded(path, _LIMIT, "a policy (safetensors)"))
-    except FileNotFoundError:
-        raise KinemimicError(f"{path}: expected a policy (safetensors), found no file; {_ADVICE}") from None
-    # safetensors raises any of these for number types that numpy lacks.
-    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError):
-        raise KinemimicError(
-            f"{path}: expected a policy (safetensors), found a file that is cut off or damaged; {_ADVICE}"
-        ) from None
-    for name, tensor in tensors.items():
-        if tensor.dtype != np.float32 or tensor.ndim not in (1, 2):
-            found = f"{tensor.dtype} of {tensor.ndim} dimensions"
-        elif not np.isfinite(tensor).all():
-            found = "numbers that are infinite or NaN"
-        else:
-            continue
-        raise KinemimicError(
-            f"{path}: expected finite float32 of one or two dimensions in {name!r}, found {found}; {_ADVICE}"
-        )
-    return tensors
 
 
 def load_trained(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
 from importlib.util import find_spec
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,50 +10,13 @@ from samples.walker import walker
 
 from kinemimic.evaluate.simulate.frame import LiveSettings
 from kinemimic.evaluate.simulate.inputs import Restart
-from kinemimic.evaluate.simulate.live_session import PREVIEW, LiveSession
+from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.recording import begin_live_session
-from kinemimic.pipeline.live.capture import Moment
+from kinemimic.pipeline.live.capture import LAG
 from kinemimic.pipeline.live.frame import frame_of
-from kinemimic.train.reference.live_reference import AHEAD
 from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import CONTROL_RATE
-
-LAG = 0.15
-STEP = 1.0 / CONTROL_RATE
-
-
-def moment(time: float) -> Moment:
-    return Moment(time, np.zeros((1, 20, 3)), 0, LAG, np.zeros((20, 3)))
-
-
-def latencies(times: list[float | None], senders: list[int] | None = None) -> list[float]:
-    """Latencies of a session whose moments are at these times."""
-    session: Any = SimpleNamespace(
-        _moments=deque([None] * AHEAD, maxlen=AHEAD), _senders=0, capture=SimpleNamespace(senders=1)
-    )
-    found = []
-    for k, time in enumerate(times):
-        session.capture.senders = 1 if senders is None else senders[k]
-        found.append(LiveSession._latency(session, None if time is None else moment(time)))
-    return found
-
-
-def test_the_latency_is_that_of_the_moment_which_is_performed() -> None:
-    steady: list[float | None] = [STEP * k for k in range(40)]
-    assert latencies(steady) == pytest.approx([LAG + PREVIEW] * 40)
-    # After a skip by a second, what is performed is older until the skip is performed.
-    skipped = [*steady, *(STEP * k + 1.0 for k in range(40, 60))]
-    found = latencies(skipped)[40:]
-    assert found[: AHEAD - 1] == pytest.approx([LAG + PREVIEW + 1.0] * (AHEAD - 1))
-    assert found[AHEAD - 1 :] == pytest.approx([LAG + PREVIEW] * (20 - AHEAD + 1))
-    # Nothing is due: no number.
-    assert np.isnan(latencies([*steady, None])[-1])
-
-
-def test_the_latency_begins_anew_with_a_sender() -> None:
-    times: list[float | None] = [*(1000.0 + STEP * k for k in range(20)), *(STEP * k for k in range(20))]
-    assert latencies(times, [1] * 20 + [2] * 20) == pytest.approx([LAG + PREVIEW] * 40)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +36,10 @@ def test_words_and_restart(session: LiveSession) -> None:
         session.apply(frame_of(clip.times[k], clip.positions[k]))
         session.advance()
     follows, counts = session.words()
-    assert follows.startswith("**following the person**, 5")
+    # The lag of the filter, and no more.
+    assert follows == f"**following the person**, {1000.0 * LAG:.0f} ms behind"
+    assert session.shown is not None
+    assert session.shown.latency == pytest.approx(LAG)
     assert counts.startswith(f"Kinect v1, z up, in m, {len(clip.times)} frames, 0 late")
     assert counts.endswith("appeared 1 time")
     # A humanoid that is put back begins the next control step on its reference.
@@ -89,5 +52,7 @@ def test_words_and_restart(session: LiveSession) -> None:
     assert session.words()[-1].startswith("refused: 1 (last: expected frames of 20 joints")
     for _ in range(CONTROL_RATE):
         session.advance()
+    assert session.shown is not None
+    assert np.isnan(session.shown.latency)
     assert session.words()[1] == "**no frames for 1 s: standing**"
     session.close()

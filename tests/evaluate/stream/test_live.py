@@ -66,7 +66,7 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     assert found["frames"] == len(WALK.times)
     assert (found["layout"], found["up"], found["unit"]) == ("Kinect v1", "z", "m")
     assert found["people"] == 1
-    assert found["latency_ms"]["median"] == pytest.approx(550.0, abs=34.0)
+    assert found["latency_ms"]["median"] == pytest.approx(150.0, abs=34.0)
     folder = Path(found["recording"])
     frames = list(Replay(folder, named=scenario))
     assert len(frames) == found["steps"]

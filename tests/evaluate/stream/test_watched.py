@@ -25,7 +25,7 @@ def session(frames: int, *, reading: object = None, refused: int = 0) -> Any:
         frames=frames, late=0, thinned=0, refused=refused, sides=SimpleNamespace(swaps=0, reversals=0),
         playout=SimpleNamespace(skips=1), reading=reading, complaint="", last_fault="",
     )  # fmt: skip
-    shown = SimpleNamespace(starved=False, latency=0.55)
+    shown = SimpleNamespace(starved=False, latency=0.15)
     people = SimpleNamespace(people=1, lost=0)
     return SimpleNamespace(capture=capture, performer=people, falls=2, shown=shown)
 
@@ -50,7 +50,7 @@ def test_page_and_terminal_say_why_frames_are_refused() -> None:
     faults.note("refused: lists that do not fit together", "found 17 joints")
     watched.show(None, "waiting for frames")  # type: ignore[arg-type]
     assert page.words == "waiting for frames\n\nunreadable: 1 (last: found 17 joints)"
-    assert watched.words() == "1 frame, 3 refused (last: found 17 joints), 550 ms behind"
+    assert watched.words() == "1 frame, 3 refused (last: found 17 joints), 150 ms behind"
     watched.notice = "the end"
     watched.show(None, "upright")  # type: ignore[arg-type]
     assert page.words.startswith("the end\n\nupright")

@@ -87,6 +87,7 @@ def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFix
         "library",
         "policies",
         "study",
+        "train-predictor",
         "train-tracker",
     )
     alone = name.startswith("datasets ") or name in without

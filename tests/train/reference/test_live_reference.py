@@ -1,13 +1,14 @@
-"""A reference that grows, against the same motion as a whole."""
+"""A reference that grows, and whose next frames are foreseen without error, against the motion as a whole."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.reference.live_reference import AHEAD, LiveReference
+from kinemimic.train.reference.live_reference import AHEAD, KNOWN, MEMORY, LiveReference, Predict
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -22,15 +23,35 @@ def once(motion: Motion) -> Motion:
     )
 
 
+def foreseen(once: Motion) -> Predict:
+    """The frames that come."""
+    came = -1
+
+    def predict(roots: Array, turns: Array) -> tuple[Array, Array]:
+        nonlocal came
+        assert roots.shape == (MEMORY, 3) and turns.shape == (MEMORY, 20, 4)
+        came += 1
+        coming = np.clip(np.arange(came, came + AHEAD - KNOWN), 0, len(once.root) - 1)
+        return once.root[coming], once.rotations[coming]
+
+    return predict
+
+
+def still(roots: Array, turns: Array) -> tuple[Array, Array]:
+    """The last frame goes on."""
+    count = AHEAD - KNOWN
+    return np.repeat(roots[-1:], count, axis=0), np.repeat(turns[-1:], count, axis=0)
+
+
 def test_it_is_the_whole_motion_as_far_as_it_has_come(once: Motion) -> None:
-    whole, live = Reference(once), LiveReference(once.root[0], once.rotations[0])
+    whole, live = Reference(once), LiveReference(once.root[0], once.rotations[0], foreseen(once))
     for k in range(len(once.root)):
         live.append(once.root[k], once.rotations[k])
-        # Frame k of the motion is number AHEAD + 1 + k: before it, the reference stood.
-        if k < 40:
+        # Frame k of the motion is number KNOWN + 1 + k: before it, the reference stood.
+        if not 40 <= k < len(once.root) - AHEAD:
             continue
         at = live.present + np.arange(0.0, AHEAD + 1.0, 4.0) / CONTROL_RATE
-        expected = whole.bodies((at - (AHEAD + 1) / CONTROL_RATE) / once.duration)
+        expected = whole.bodies((at - (KNOWN + 1) / CONTROL_RATE) / once.duration)
         found = live.bodies(at)
         assert np.abs(found.positions - expected.positions).max() < 2e-3
         assert angle_between(found.rotations, expected.rotations).max() < 5e-3
@@ -39,12 +60,12 @@ def test_it_is_the_whole_motion_as_far_as_it_has_come(once: Motion) -> None:
 
 
 def test_feed_forward_targets_lead_as_the_whole_motions(once: Motion) -> None:
-    whole, live = Reference(once), LiveReference(once.root[0], once.rotations[0])
+    whole, live = Reference(once), LiveReference(once.root[0], once.rotations[0], foreseen(once))
     for k in range(50):
         live.append(once.root[k], once.rotations[k])
     at = live.present + np.arange(1.0, 9.0) / (8 * CONTROL_RATE)
     found, _ = live.targets(at)
-    expected, _ = whole.targets((at - (AHEAD + 1) / CONTROL_RATE) / once.duration)
+    expected, _ = whole.targets((at - (KNOWN + 1) / CONTROL_RATE) / once.duration)
     plain, _ = live.joints(at)
     led = angle_between(expected, plain)
     assert led.max() > 0.02
@@ -52,7 +73,7 @@ def test_feed_forward_targets_lead_as_the_whole_motions(once: Motion) -> None:
 
 
 def test_a_new_one_stands(once: Motion) -> None:
-    live = LiveReference(once.root[0], once.rotations[0])
+    live = LiveReference(once.root[0], once.rotations[0], still)
     poses = live.poses(np.array([live.present]))
     assert np.allclose(poses.root, once.root[0])
     assert np.abs(poses.root_linear).max() < 1e-9

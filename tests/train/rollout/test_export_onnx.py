@@ -26,7 +26,8 @@ from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.export_onnx import IR, OPSET, metadata, onnx_model, write_onnx
-from kinemimic.train.rollout.policy import Policy, normalized
+from kinemimic.train.rollout.network import normalized
+from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch, observation_size
 from kinemimic.train.task.observation_layout import layout

@@ -1,0 +1,51 @@
+"""Changes lead back to the frames that they were taken from, and do not depend on place and direction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from peers.elsewhere import turned
+
+from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.prediction.moments import CHANGES, FUTURE, OBSERVED, PAST, changed, changes, observed
+from kinemimic.train.reference.live_reference import AHEAD, KNOWN, MEMORY
+
+FRAMES = max(PAST) + 1
+
+
+def test_it_fits_the_reference_that_it_is_made_for() -> None:
+    assert FUTURE == AHEAD - KNOWN
+    assert max(PAST) < MEMORY
+
+
+def test_changes_lead_to_the_frames(motion: Motion) -> None:
+    root, rotations = motion.root[:FRAMES], motion.rotations[:FRAMES]
+    # A pose from elsewhere in the stride, turned by half a turn and more.
+    for turn in (0.0, 2.0, np.pi):
+        there = turned(motion, turn)
+        found = changes(there.root[:FRAMES], there.rotations[:FRAMES], root[-1], rotations[-1])
+        assert found.shape == (FRAMES, CHANGES)
+        back = changed(root[-1], rotations[-1], found)
+        assert np.allclose(back[0], there.root[:FRAMES], atol=1e-12)
+        assert angle_between(back[1], there.rotations[:FRAMES]).max() < 1e-7
+
+
+@pytest.mark.parametrize("turn", [1.0, -2.5])
+def test_place_and_direction_do_not_matter(motion: Motion, turn: float) -> None:
+    there = turned(motion, turn)
+    moved = there.root + np.array([3.0, -2.0, 0.0])
+    seen = observed(motion.root[:FRAMES], motion.rotations[:FRAMES])
+    assert seen.shape == (OBSERVED,)
+    assert np.allclose(observed(moved[:FRAMES], there.rotations[:FRAMES]), seen, atol=1e-9)
+    # The height above the ground does.
+    assert not np.allclose(
+        observed(moved[:FRAMES] + np.array([0.0, 0.0, 0.1]), there.rotations[:FRAMES]), seen, atol=0.05
+    )
+
+
+def test_a_batch_is_its_moments(motion: Motion) -> None:
+    starts = (0, 4, 9)
+    roots = np.array([motion.root[k : k + FRAMES] for k in starts])
+    turns = np.array([motion.rotations[k : k + FRAMES] for k in starts])
+    assert np.allclose(observed(roots, turns), [observed(*one) for one in zip(roots, turns, strict=True)])

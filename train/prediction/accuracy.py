@@ -1,0 +1,60 @@
+"""How far predicted knees and hips are from those that came."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.library.motion_library import MotionLibrary
+from kinemimic.train.prediction.fit import NOW, windows
+from kinemimic.train.prediction.predictor import Predictor
+from kinemimic.train.sim.world import CONTROL_RATE
+
+AFTER = (1, 3, 6, 12)  # frames after the newest
+MOMENTS = 2000
+
+# Seconds ahead -> joint -> degrees.
+Errors = Mapping[str, Mapping[str, float]]
+
+
+def accuracy(
+    predictor: Predictor, library: MotionLibrary, motions: NDArray[np.intp], seed: int
+) -> dict[str, Errors]:
+    """RMSE of knees and hips in degrees, on moments of these motions (M,), after AFTER frames.
+
+    "predicted", and two controls: "held", the newest pose goes on; "steady", its joints keep their speed.
+    """
+    found: dict[str, list[Array]] = {name: [] for name in ("predicted", "held", "steady")}
+    for root, rotations in windows(library, motions, MOMENTS, np.random.default_rng(seed)):
+        angles = _knees_and_hips(rotations)
+        newest, coming = angles[:, NOW - 1 : NOW], angles[:, NOW:]
+        ahead = np.arange(1, coming.shape[1] + 1)[:, None, None]
+        predicted = np.array(
+            [predictor.predict(*one)[1] for one in zip(root[:, :NOW], rotations[:, :NOW], strict=True)]
+        )
+        found["predicted"].append(_knees_and_hips(predicted) - coming)
+        found["held"].append(newest - coming)
+        found["steady"].append(newest + ahead * (newest - angles[:, NOW - 2 : NOW - 1]) - coming)
+    return {name: _by_time(np.concatenate(errors)) for name, errors in found.items()}
+
+
+def _knees_and_hips(rotations: Array) -> Array:
+    """Angles (..., 2 joints, 2 sides) of rotations (..., 20, 4), rad."""
+    curves = joint_angles(rotations)
+    pairs = [[curves[f"{joint}_{side}"] for side in ("left", "right")] for joint in ("knee", "hip")]
+    return np.moveaxis(np.array(pairs), (0, 1), (-2, -1))
+
+
+def _by_time(errors: Array) -> Errors:
+    """Of errors (N, FUTURE, 2, 2), rad."""
+    rms = np.degrees(np.sqrt(np.mean(errors**2, axis=(0, -1))))
+    return {
+        f"{frames / CONTROL_RATE:.2f}": {
+            joint: round(float(rms[frames - 1, k]), 2) for k, joint in enumerate(("knee", "hip"))
+        }
+        for frames in AFTER
+    }

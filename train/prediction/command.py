@@ -1,0 +1,101 @@
+"""`kinemimic train-predictor`: learn from a motion library how a motion goes on."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import torch
+
+from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.progress_state import minutes
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.files.store import file_hash
+from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.retarget.library.library_file import MANIFEST, read_library
+from kinemimic.train.prediction.accuracy import Errors, accuracy
+from kinemimic.train.prediction.fit import fit, moments, windows
+from kinemimic.train.prediction.predictor import PREDICTOR
+
+MOMENTS, EPOCHS = 400_000, 12
+THREADS = 2  # of torch: more cores change the order of its sums, and so the last bits
+
+
+def train_predictor(source: Path, out: Path, *, count: int = MOMENTS, seed: int = 0) -> dict[str, Any]:
+    """Fit a predictor to `count` moments of the split "train" of the library in `source`; returns its record.
+
+    Writes predictor.safetensors and predictor.json to `out`. The record has its accuracy on either split.
+    KinemimicError without a motion to train on.
+    """
+    library, identity, began = read_library(source), file_hash(source / MANIFEST), time.monotonic()
+    splits = {split: library.select(split) for split in ("train", "test")}
+    if not len(splits["train"]):
+        raise KinemimicError(f"{source}: expected motions to train on, found only those left out for tests")
+    torch.set_num_threads(THREADS)
+    with locked(out):
+        with progress("moments", count) as bar:
+            parts = []
+            for root, rotations in windows(library, splits["train"], count, np.random.default_rng(seed)):
+                parts.append(moments(root, rotations))
+                bar.advance(len(root))
+        seen, coming = (np.concatenate(column) for column in zip(*parts, strict=True))
+        with progress("train", EPOCHS * count, unit="moments") as bar:
+            predictor = fit(seen, coming, EPOCHS, seed, bar.advance)
+        config, inputs = {"moments": count, "epochs": EPOCHS}, {"library": identity}
+        record = {
+            "seed": seed,
+            "seconds": round(time.monotonic() - began, 1),
+            "subjects": {split: sorted(library.subjects(split)) for split in ("train", "test")},
+            "rmse_deg": {
+                split: accuracy(predictor, library, motions, seed)
+                for split, motions in splits.items()
+                if len(motions)
+            },
+            "provenance": provenance("train-predictor", inputs=inputs, config=config, seed=seed),
+        }
+        predictor.save(out / PREDICTOR, record)
+    return record
+
+
+@click.command("train-predictor")
+@click.argument("library", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
+              help="Folder of the predictor.")  # fmt: skip
+@click.option("--moments", "count", type=click.IntRange(min=1), default=MOMENTS, show_default=True,
+              help="Moments of the motions to learn from.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@json_option("Print predictor.json.")
+def command(library: Path, out: Path, count: int, seed: int, as_json: bool) -> None:
+    """Learn from the split `train` of LIBRARY (see `kinemimic library`) how a motion goes on for 0.4 s.
+
+    `kinemimic stream` predicts with it what the tracker looks ahead to.
+
+    \b
+      kinemimic library recordings/ --out runs/library --test 07 --variants 5000
+      kinemimic train-predictor runs/library --out runs/predictor
+    """
+    record = train_predictor(library, out, count=count, seed=seed)
+    if as_json:
+        click.echo(json.dumps(record, indent=2))
+        return
+    for split, errors in record["rmse_deg"].items():
+        click.echo(f"RMSE of knee and hip on the split `{split}`, degrees:")
+        for line in table(errors):
+            click.echo(f"  {line}")
+    click.echo(f"{out / PREDICTOR}: {count:,} moments in {minutes(record['seconds'])}, seed {seed}")
+
+
+def table(errors: dict[str, Errors]) -> list[str]:
+    """Lines of a table: a row for the predictor and each control, columns by seconds ahead."""
+    ahead = list(errors["predicted"])
+    lines = [f"{'':10}" + "".join(f"{f'after {seconds} s':>16}" for seconds in ahead)]
+    for name, by_time in errors.items():
+        cells = (f"{one['knee']:.1f}, {one['hip']:.1f}" for one in by_time.values())
+        lines.append(f"{name:10}" + "".join(f"{cell:>16}" for cell in cells))
+    return lines

@@ -1,0 +1,98 @@
+"""Fit a predictor to the motions of a library."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array, Floats
+from kinemimic.retarget.library.motion_library import MotionLibrary
+from kinemimic.retarget.library.variants import SUBJECT as VARIANTS
+from kinemimic.train.prediction.moments import FUTURE, OBSERVED, PAST, changes, observed
+from kinemimic.train.prediction.predictor import Predictor
+from kinemimic.train.rollout.network import normalized
+from kinemimic.train.sim.world import CONTROL_RATE
+
+HIDDEN = (384, 192)
+BATCH = 512
+RATE = 1e-3  # Adam's learning rate at the start; it falls to 0 as a half cosine
+# A recorded second weighs as much as so many variants: they have people's own irregularities.
+RECORDED = 3.0
+# Standard deviation of the noise on normalised observations: live poses are less smooth than a library's.
+NOISE = 0.02
+RIDGE = 1e-4
+NOW = max(PAST) + 1  # frames of a window up to the moment
+_CHUNK = 8192
+
+
+def windows(
+    library: MotionLibrary, motions: NDArray[np.intp], count: int, random: np.random.Generator
+) -> Iterator[tuple[Array, Array]]:
+    """Moments of these motions (M,), with PAST before and FUTURE after them.
+
+    In batches of hip centres (N, NOW + FUTURE, 3) and rotations (N, NOW + FUTURE, 20, 4).
+
+    A moment of a recorded motion is drawn in proportion to its length. Before its first frame and behind its
+    last one, a motion that is not cyclic stands still.
+    """
+    entries = [library.entries[index] for index in motions]
+    seconds = np.array([entry.frames / entry.rate for entry in entries])
+    recorded = np.array([entry.subject != VARIANTS for entry in entries])
+    weights = np.where(recorded, RECORDED * seconds, 1.0)
+    drawn = random.choice(len(motions), count, p=weights / weights.sum())
+    times = random.uniform(0.0, seconds[drawn])
+    around = np.arange(1 - NOW, FUTURE + 1) / CONTROL_RATE
+    for first in range(0, count, _CHUNK):
+        rows = slice(first, first + _CHUNK)
+        yield library.sample(motions[drawn[rows], None], times[rows, None] + around)
+
+
+def moments(root: Array, rotations: Array) -> tuple[Floats, Floats]:
+    """What is observed (N, OBSERVED) and what comes (N, FUTURE * CHANGES), of `windows`."""
+    seen = observed(root[:, :NOW], rotations[:, :NOW])
+    coming = changes(root[:, NOW:], rotations[:, NOW:], root[:, NOW - 1], rotations[:, NOW - 1])
+    return seen.astype(np.float32), coming.reshape(len(coming), -1).astype(np.float32)
+
+
+def fit(
+    seen: Floats, coming: Floats, epochs: int, seed: int, advance: Callable[[int], object] = lambda _: None
+) -> Predictor:
+    """A network (HIDDEN units, tanh) beside a linear map that minimise the squared error of `coming`, each
+    number in units of its standard deviation. advance: is told how many moments were used.
+
+    Training starts from the linear map of least squares: most of the next few frames is linear.
+    """
+    torch.manual_seed(seed)
+    mean, scale = seen.mean(axis=0), np.maximum(seen.std(axis=0), 1e-3)
+    # What never changes, as an elbow's rotation about its long axis, is predicted as 0.
+    size = np.maximum(coming.std(axis=0), 1e-3)
+    x = torch.from_numpy(normalized(seen, mean, scale, Predictor.limit))
+    y = torch.from_numpy(coming / size)
+    widths = (OBSERVED, *HIDDEN, coming.shape[1])
+    layers = [torch.nn.Linear(*pair) for pair in pairwise(widths)]
+    net = torch.nn.Sequential(layers[0], torch.nn.Tanh(), layers[1], torch.nn.Tanh(), layers[2])
+    torch.nn.init.zeros_(layers[2].weight)
+    linear = torch.nn.Parameter(torch.linalg.solve(x.T @ x + RIDGE * len(x) * torch.eye(OBSERVED), x.T @ y).T)
+    optimizer = torch.optim.Adam([*net.parameters(), linear], RATE)
+    steps = epochs * math.ceil(len(x) / BATCH)
+    falling = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    for _ in range(epochs):
+        for rows in torch.randperm(len(x)).split(BATCH):
+            batch = x[rows]
+            batch = batch + NOISE * torch.randn_like(batch)
+            error = net(batch) + batch @ linear.T - y[rows]
+            optimizer.zero_grad()
+            error.square().mean().backward()
+            optimizer.step()
+            falling.step()
+            advance(len(rows))
+    weights = [(one.weight.detach().numpy(), one.bias.detach().numpy()) for one in layers]
+    # The last layer's output in radians and metres.
+    weight, bias = weights[-1]
+    weights[-1] = (weight * size[:, None], bias * size)
+    return Predictor(tuple(weights), linear.detach().numpy() * size[:, None], mean, scale)

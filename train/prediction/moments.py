@@ -1,0 +1,73 @@
+"""A moment of a motion in numbers: the newest pose, how it came about, and how it goes on.
+
+Changes are relative to the newest frame, so that they are the same wherever the person is and whichever way
+the person faces: displacements of the root in its heading frame, rotations from its local ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import (
+    conjugate,
+    from_axis_angle,
+    from_rotvec,
+    multiply,
+    rotate,
+    to_6d,
+    to_rotvec,
+)
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.humanoid.body import BODIES
+
+PAST = (1, 2, 3, 5, 8, 12)  # frames before the newest whose changes are observed
+FUTURE = 12  # frames that are predicted
+CHANGES = 3 + 3 * len(BODIES)  # numbers of a change
+OBSERVED = 4 + 6 * (len(BODIES) - 1) + len(PAST) * CHANGES  # numbers of a moment
+_MOVING = [NODE_INDEX[body.node] for body in BODIES]  # nodes with a rotation of their own; the root is first
+
+
+def observed(root: Array, rotations: Array) -> Array:
+    """Numbers (..., OBSERVED) of moments: root (..., F, 3) m, rotations (..., F, 20, 4), the newest last.
+
+    The height of the hips, the direction of gravity in the pelvis' frame, two axes of every joint, and the
+    changes since PAST; F is at least the largest of PAST, plus 1.
+    """
+    newest_root, newest = root[..., -1, :], rotations[..., -1, :, :]
+    pelvis = newest[..., 0, :]
+    gravity = rotate(conjugate(pelvis), np.broadcast_to([0.0, 0.0, 1.0], (*pelvis.shape[:-1], 3)))
+    past = [-1 - frames for frames in PAST]
+    parts = (
+        to_6d(newest[..., _MOVING[1:], :]),
+        changes(root[..., past, :], rotations[..., past, :, :], newest_root, newest),
+    )
+    flat = (part.reshape(*pelvis.shape[:-1], -1) for part in parts)
+    return np.concatenate([newest_root[..., 2:], gravity, *flat], axis=-1)
+
+
+def changes(root: Array, rotations: Array, newest_root: Array, newest_rotations: Array) -> Array:
+    """Changes (..., F, CHANGES) from the newest frame to others.
+
+    root, rotations: (..., F, 3), (..., F, 20, 4) of the others; newest_*: (..., 3), (..., 20, 4).
+    """
+    newest = newest_rotations[..., None, _MOVING, :]
+    way = rotate(conjugate(_heading(newest[..., 0, :])), root - newest_root[..., None, :])
+    turns = to_rotvec(multiply(conjugate(newest), rotations[..., _MOVING, :]))
+    return np.concatenate([way, turns.reshape(*way.shape[:-1], -1)], axis=-1)
+
+
+def changed(newest_root: Array, newest_rotations: Array, change: Array) -> tuple[Array, Array]:
+    """The frames (F, 3), (F, 20, 4) that changes (F, CHANGES) from the newest one lead to."""
+    heading = _heading(newest_rotations[0])
+    root = newest_root + rotate(heading, change[:, :3])
+    rotations = np.repeat(newest_rotations[None], len(change), axis=0)
+    turns = from_rotvec(change[:, 3:].reshape(len(change), len(BODIES), 3))
+    rotations[:, _MOVING] = multiply(rotations[:, _MOVING], turns)
+    return root, rotations
+
+
+def _heading(pelvis: Array) -> Array:
+    """Rotation (..., 4) about the vertical that turns x to where a pelvis faces."""
+    ahead = rotate(pelvis, np.broadcast_to([1.0, 0.0, 0.0], (*pelvis.shape[:-1], 3)))
+    return from_axis_angle("Z", np.arctan2(ahead[..., 1], ahead[..., 0]))
