@@ -82,7 +82,7 @@ def fit(
     steps = epochs * math.ceil(len(x) / BATCH)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     for _ in range(epochs):
-        for rows in torch.randperm(len(x)).split(BATCH):
+        for rows in torch.split(torch.randperm(len(x)), BATCH):
             batch = x[rows]
             batch = batch + NOISE * torch.randn_like(batch)
             error = net(batch) + batch @ linear.T - y[rows]
