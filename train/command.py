@@ -65,6 +65,9 @@ def train(
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
+    Without a `budget` of your own, training from a tracker goes on as long as no evaluation walks, up to the
+    configuration's `max_budget`.
+
     Writes a checkpoint twice a minute, at the end and on Ctrl-C. The next call resumes from it unless
     `resume` is False, with the same result as one call, except that each call evaluates its last policy too.
     From the first evaluation on, policy.safetensors is the policy of the best evaluation so far, and
@@ -134,7 +137,7 @@ def _train(
     if config.env.scenario is not None:
         check(config.env.scenario, reference_for(motion, config.env.scenario))
     if budget is not None:
-        config = replace(config, budget=budget)
+        config = replace(config, budget=budget, max_budget=0)
     if config.budget < 1:
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
     if config.baseline is not None:
@@ -159,9 +162,9 @@ def _train(
         resume and saved.exists() and checkpoint.restore(saved, training, motion.identity, advice=advice)
     )
     state = training.algorithm.progress
-    if state.samples >= config.budget + config.batch:
+    if state.samples >= config.largest_budget + config.batch:
         raise KinemimicError(
-            f"{saved}: expected at most the budget of {config.budget} samples, found "
+            f"{saved}: expected at most the budget of {config.largest_budget} samples, found "
             f"{state.samples}; train with --no-resume, or into another run folder"
         )
     if saved.exists() and not resumed:

@@ -37,7 +37,8 @@ class TrainConfig:
     adapt_rate: adapt the actor's. discount, gae_lambda: of the advantages. action_std: standard deviation of
     the exploration, in units of the action; learn_action_std: train it instead. scales: of the terms of the
     reward; strength: of domain randomization, 0 to 1; body_error: metres. entropy: weight of the entropy;
-    entropy_decay: its factor per round. budget: samples in total. start: SHA-256 of the policy from which
+    entropy_decay: its factor per round. budget: samples in total; max_budget: as long as no evaluation walks,
+    training goes on to these, 0 to end at the budget. start: SHA-256 of the policy from which
     training starts, "" for random weights. Schedules are points (samples, value), linear in between.
 
     RecordError (a ValueError) for a count below 1, if `horizon` is not a multiple of the baseline's steps,
@@ -75,6 +76,7 @@ class TrainConfig:
     entropy: float = 0.0
     entropy_decay: float = 1.0
     budget: int = 1_000_000
+    max_budget: int = 0
     seed: int = 0
     baseline: Baseline | None = None
     start: str = ""
@@ -110,6 +112,11 @@ class TrainConfig:
         """Samples of a round."""
         return self.num_envs * self.horizon
 
+    @property
+    def largest_budget(self) -> int:
+        """Samples after which training ends in any case."""
+        return max(self.budget, self.max_budget)
+
     def reward(self, samples: int) -> RewardConfig:
         """The reward after that many samples."""
         scheduled = {name: scheduled_at(schedule, samples) for name, schedule in self.scales.items()}
@@ -135,6 +142,8 @@ class TrainConfig:
             del value["start"]
         if not self.body_error:
             del value["body_error"]
+        if not self.max_budget:
+            del value["max_budget"]
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
@@ -155,7 +164,7 @@ class TrainConfig:
         """
         if isinstance(value, dict):
             env = value.get("env")
-            value = {"baseline": None, "start": "", "body_error": [], **value}
+            value = {"baseline": None, "start": "", "body_error": [], "max_budget": 0, **value}
             if isinstance(env, dict):
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
                 if isinstance(env["tracking"], dict):

@@ -18,6 +18,7 @@ POLISH, ROBUST_POLISH = "polish", "robust-polish"
 NAMES: Mapping[str, str] = {"default": POLISH, "robust": ROBUST_POLISH}
 TRAIN_OPTIONS: Mapping[str, str] = {POLISH: "--from tracker", ROBUST_POLISH: "--from tracker --preset robust"}
 BUDGETS: Mapping[str, int] = {POLISH: 200_000, ROBUST_POLISH: 9_500_000}
+MAX_POLISH = 1_000_000  # as many as the preset `default`
 
 
 def polish(tracker: TrainConfig) -> TrainConfig:
@@ -25,7 +26,7 @@ def polish(tracker: TrainConfig) -> TrainConfig:
 
     No domain randomization; episodes end where a walker has left its path. The pose counts much from the
     start. Rounds are half as long as in `default`, and each may change the policy four times as much: it
-    stays upright already, and has few rounds.
+    stays upright already, and has few rounds. Where the tracker fell, it may need more of them.
     """
     return TrainConfig(
         preset=POLISH,
@@ -36,6 +37,7 @@ def polish(tracker: TrainConfig) -> TrainConfig:
         action_std=((0, 0.08), (180_000, 0.03)),
         scales={"pose": ((0, 64.0), (180_000, 128.0))},
         budget=BUDGETS[POLISH],
+        max_budget=MAX_POLISH,
     )
 
 

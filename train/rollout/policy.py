@@ -179,9 +179,13 @@ def training_summary(record: Mapping[str, Any]) -> dict[str, Any]:
     budget, finished: in samples; whether the training ended by itself, or the policy is its best so far.
     """
     config = record.get("config", {})
+    config = config if isinstance(config, Mapping) else {}
+    budget, longest, trained = config.get("budget"), config.get("max_budget"), record.get("samples")
+    if budget and longest and trained and trained > budget:
+        budget = longest
     return {
         **{key: record.get(key) for key in ("samples", "preset", "seed")},
-        "budget": config.get("budget") if isinstance(config, Mapping) else None,
+        "budget": budget,
         "finished": record.get("finished", True),
     }
 

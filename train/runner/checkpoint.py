@@ -29,6 +29,7 @@ from kinemimic.train.runner.tensors import MEMORY, below
 CHECKPOINT = "checkpoint.safetensors"
 CURVES = "tensorboard"  # the folder of the events beside it
 CHECKPOINT_SCHEMA = 7
+_ANY_BUDGET = {"budget": None, "max_budget": None}
 _ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
 
 Arrays = dict[str, NDArray[Any]]
@@ -81,7 +82,7 @@ def save(path: Path, training: TrainingState, motion: str) -> None:
 
 
 def restore(path: Path, training: TrainingState, motion: str, *, advice: str = "delete it") -> bool:
-    """Load `path` into a training state; False for another motion or configuration, budgets aside.
+    """Load `path` into a training state; False for another motion or configuration, but for its budgets.
 
     advice: what to do about a damaged checkpoint, for messages. KinemimicError for one; the state is then
     unusable.
@@ -92,12 +93,12 @@ def restore(path: Path, training: TrainingState, motion: str, *, advice: str = "
             # A mean of losses may be NaN.
             record = strict_json((stream.metadata() or {})["kinemimic"], finite=False)
             arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
-        schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
+        schema, imitated, stored = record["schema"], record["motion"], record["config"] | _ANY_BUDGET
         if schema != CHECKPOINT_SCHEMA:
             return False
         check = partial(convert, path=path, advice=advice)
         evaluations = check(record["evaluations"], list[Evaluation], within=("evaluations",))
-        if imitated != motion or stored != {**training.algorithm.config.to_json(), "budget": None}:
+        if imitated != motion or stored != training.algorithm.config.to_json() | _ANY_BUDGET:
             return False
         check(record["progress"], type(training.algorithm.progress), within=("progress",))
         _load(training, arrays, record, evaluations)

@@ -26,9 +26,11 @@ SAVING = "checkpoint"
 
 def is_over(training: TrainingState, seconds: float | None) -> bool:
     """Whether the budget of samples or of seconds is spent."""
-    state = training.algorithm.progress
+    state, config = training.algorithm.progress, training.algorithm.config
     late = seconds is not None and sum(state.seconds_by.values()) >= seconds
-    return late or state.samples >= training.algorithm.config.budget
+    if late or state.samples >= config.largest_budget:
+        return True
+    return state.samples >= config.budget and any(evaluation.walks for evaluation in training.evaluations)
 
 
 def is_complete(training: TrainingState, seconds: float | None) -> bool:
@@ -83,6 +85,8 @@ class TrainingLoop:
                 while not (interruption.asked or is_complete(self._training, self._seconds)):
                     if self._evaluation_is_due():
                         self._evaluate(board)
+                        if state.samples >= self._config.budget:
+                            bar.corrected(self._config.largest_budget)
                     else:
                         self._round(board, bar)
                     # A due evaluation belongs in the checkpoint, so that its curves are logged once.
@@ -132,8 +136,9 @@ class TrainingLoop:
         samples, evaluations = self._state.samples, self._training.evaluations
         if not samples or (evaluations and evaluations[-1].samples == samples):
             return False
-        due = is_due(samples - self._config.batch, samples, self._runner.evaluation_interval)
-        return due or is_over(self._training, self._seconds)
+        before = samples - self._config.batch
+        due = is_due(before, samples, self._runner.evaluation_interval)
+        return due or before < self._config.budget <= samples or is_over(self._training, self._seconds)
 
     def _evaluate(self, board: SummaryWriter) -> None:
         training, runner, samples = self._training, self._runner, self._state.samples
