@@ -113,8 +113,8 @@ def command(
     """Let a live capture drive the humanoid.
 
     Frames come as JSON over UDP, TCP or standard input, over the VMC protocol, or from a capture file, which
-    waits until the page is open. The humanoid follows about half a second later: 0.15 s for the filter and
-    0.4 s for the policy's preview. Exit status: 2 if no usable frame arrived, else 0.
+    waits until the page is open. The humanoid follows 0.15 s later, for the filter; the poses to which the
+    policy looks ahead are predicted. Exit status: 2 if no usable frame arrived, else 0.
 
     \b
       kinemimic stream --replay walk.skl
