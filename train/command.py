@@ -69,7 +69,8 @@ def train(
     configuration's `max_budget`.
 
     Writes a checkpoint twice a minute, at the end and on Ctrl-C. The next call resumes from it unless
-    `resume` is False, with the same result as one call, except that each call evaluates its last policy too.
+    `resume` is False, with the same result as one call, except that each call evaluates its last policy too,
+    which may end the training sooner.
     From the first evaluation on, policy.safetensors is the policy of the best evaluation so far, and
     policy.json says whether the training has `finished`; TensorBoard's curves are written beside them.
     A checkpoint of another motion or other settings is kept as checkpoint.previous.safetensors.

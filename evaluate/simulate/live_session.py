@@ -22,15 +22,16 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.live.performer import Performer
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.prediction.predictor import Predictor
-from kinemimic.train.reference.live_reference import AHEAD, KNOWN, LiveReference
+from kinemimic.train.reference.live_reference import AHEAD, BEHIND, KNOWN, LiveReference
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.mirror import Mirror, left_foot_behind
 
-# A reference stands if hips and feet move by less than this over the preview, m.
-STANDS = 0.06
+# A reference stands if hips and feet have moved by less than this in the last frames, and are predicted to
+# move by less than the second, m.
+STANDS, WILL_STAND = 0.04, 0.08
 FADE = 0.2  # of the share of balance, per control step
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
@@ -100,7 +101,7 @@ class LiveSession(Session):
         performed = self.performer.perform(moment)
         self._live.append(performed.root, performed.rotations)
         if performed.appeared and self._place_there:
-            # When the humanoid comes to the person's first frames, behind the fade.
+            # When the humanoid comes to the person's first frames, after the fade.
             self._placed_in = KNOWN + CONTROL_RATE // 2
         if self._placed_in is not None:
             self._placed_in -= 1
@@ -138,11 +139,14 @@ class LiveSession(Session):
         return (1.0 - self._balance) * actions + self._balance * still
 
     def _stands(self) -> bool:
-        """Whether the reference keeps its feet and hips in place over the preview."""
-        present, step = self._live.present, 1.0 / CONTROL_RATE
-        bodies = self._live.bodies(present + step * np.arange(0.0, AHEAD, 4.0))
-        parts = bodies.positions[:, [0, *_FEET]]
-        return bool(np.ptp(parts, axis=0).max() < STANDS)
+        """Whether the reference keeps its feet and hips in place."""
+        return self._moved(-BEHIND, KNOWN) < STANDS and self._moved(KNOWN, AHEAD) < WILL_STAND
+
+    def _moved(self, first: int, last: int) -> float:
+        """Largest range of hips and feet along an axis, m, from one frame after the present to another."""
+        frames = np.linspace(first, last, 4)
+        bodies = self._live.bodies(self._live.present + frames / CONTROL_RATE)
+        return float(np.ptp(bodies.positions[:, [0, *_FEET]], axis=0).max())
 
     def advance(self) -> Frame:
         """One control step, with what has come since the last one."""

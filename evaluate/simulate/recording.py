@@ -40,8 +40,11 @@ MAX_STEPS = 2 * 3600 * CONTROL_RATE  # of a recording; a replay holds all of the
 
 
 class _Header(Struct):
-    """The first line. speed: factor on the motion's speed; live, predictor: of a session that a live capture
-    drives, with the SHA-256 of the predictor."""
+    """The first line.
+
+    speed: factor on the motion's speed; live: settings of a session that a live capture drives; predictor:
+    SHA-256 of its predictor, else "".
+    """
 
     schema: int
     engine: str
@@ -109,8 +112,8 @@ class Recorder:
     ) -> None:
         folder.mkdir(parents=True)
         self.folder, self._size, self._steps = folder, 0, 0
-        header = _Header(SCHEMA, engine, restart, speed, live, file_hash(SHIPPED) if live else "")
         try:
+            header = _Header(SCHEMA, engine, restart, speed, live, file_hash(SHIPPED) if live else "")
             for name in COPIED if live else (MOTION, *COPIED):
                 copy_file(run / name, folder / name)
             self._file = (folder / SESSION).open("x", encoding="utf-8")
@@ -170,7 +173,7 @@ class Replay:
                 path,
                 where="line 1",
                 expected="a recording with the predictor of this version",
-                found="another",
+                found="another predictor" if header.predictor else "one without a predictor",
                 advice="replay it with the version that recorded it",
             )
         session = _begun(self._folder, header, self._named)

@@ -209,8 +209,8 @@ def _tempo(loop: Motion, random: np.random.Generator, kind: str, speed: float) -
         return random.uniform(*PERIOD[kind]) ** spread, random.uniform(*STRIDE[kind]) ** spread
     share = np.sqrt(speed / max(loop.cycle_offset[0] / loop.duration, SPEEDS[kind][0]))
     ratio = np.exp(WALK_RATIO * random.standard_normal())
-    slower, stride = np.clip(1.0 / (share * ratio), *PERIOD[kind]), np.clip(share / ratio, *STRIDE[kind])
-    return float(slower), float(stride)
+    period, stride = np.clip(1.0 / (share * ratio), *PERIOD[kind]), np.clip(share / ratio, *STRIDE[kind])
+    return float(period), float(stride)
 
 
 def _draw(random: np.random.Generator) -> tuple[Array, Array]:

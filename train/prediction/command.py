@@ -20,7 +20,7 @@ from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.library.library_file import MANIFEST, read_library
 from kinemimic.train.prediction.accuracy import Errors, accuracy
-from kinemimic.train.prediction.fit import fit, moments, windows
+from kinemimic.train.prediction.fit import fit, moments, usable, windows
 from kinemimic.train.prediction.predictor import PREDICTOR
 
 MOMENTS, EPOCHS = 400_000, 12
@@ -34,9 +34,11 @@ def train_predictor(source: Path, out: Path, *, count: int = MOMENTS, seed: int 
     KinemimicError without a motion to train on.
     """
     library, identity, began = read_library(source), file_hash(source / MANIFEST), time.monotonic()
-    splits = {split: library.select(split) for split in ("train", "test")}
+    splits = {split: usable(library, library.select(split)) for split in ("train", "test")}
     if not len(splits["train"]):
-        raise KinemimicError(f"{source}: expected motions to train on, found only those left out for tests")
+        raise KinemimicError(
+            f"{source}: expected loops, or motions of a second, in the split `train`, found none"
+        )
     torch.set_num_threads(THREADS)
     with locked(out):
         with progress("moments", count) as bar:
@@ -74,11 +76,11 @@ def train_predictor(source: Path, out: Path, *, count: int = MOMENTS, seed: int 
 def command(library: Path, out: Path, count: int, seed: int, as_json: bool) -> None:
     """Learn from the split `train` of LIBRARY (see `kinemimic library`) how a motion goes on for 0.4 s.
 
-    `kinemimic stream` predicts with it what the tracker looks ahead to.
+    `kinemimic stream` predicts with the one in datasets/predictor what the tracker looks ahead to.
 
     \b
       kinemimic library recordings/ --out runs/library --test 07 --variants 5000
-      kinemimic train-predictor runs/library --out runs/predictor
+      kinemimic train-predictor runs/library --out datasets/predictor
     """
     record = train_predictor(library, out, count=count, seed=seed)
     if as_json:

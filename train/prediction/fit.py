@@ -23,6 +23,7 @@ BATCH = 512
 RATE = 1e-3  # Adam's learning rate at the start; it falls to 0 as a half cosine
 # A recorded second weighs as much as so many variants: they have people's own irregularities.
 RECORDED = 3.0
+STILL = 0.03  # of the moments
 # Standard deviation of the noise on normalised observations: live poses are less smooth than a library's.
 NOISE = 0.02
 RIDGE = 1e-4
@@ -30,26 +31,41 @@ NOW = max(PAST) + 1  # frames of a window up to the moment
 _CHUNK = 8192
 
 
+def usable(library: MotionLibrary, motions: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Those of motions (M,) that are cyclic, or long enough for a moment with its past and future."""
+    return motions[_room(library, motions) > 0.0]
+
+
+def _room(library: MotionLibrary, motions: NDArray[np.intp]) -> Array:
+    """Seconds (M,) in which a motion has moments: all of a loop, else without PAST and FUTURE."""
+    entries = [library.entries[index] for index in motions]
+    loops = [entry.frames / entry.rate for entry in entries]
+    others = [(entry.frames - 1) / entry.rate - (NOW - 1 + FUTURE) / CONTROL_RATE for entry in entries]
+    return np.where([entry.cyclic for entry in entries], loops, np.maximum(others, 0.0))
+
+
 def windows(
     library: MotionLibrary, motions: NDArray[np.intp], count: int, random: np.random.Generator
 ) -> Iterator[tuple[Array, Array]]:
-    """Moments of these motions (M,), with PAST before and FUTURE after them.
+    """Moments of these `usable` motions (M,), with PAST before and FUTURE after them.
 
     In batches of hip centres (N, NOW + FUTURE, 3) and rotations (N, NOW + FUTURE, 20, 4).
 
-    A moment of a recorded motion is drawn in proportion to its length. Before its first frame and behind its
-    last one, a motion that is not cyclic stands still.
+    A moment of a recorded motion is drawn in proportion to its length; past and future lie in the motion.
+    STILL of the moments stand still in their pose.
     """
     entries = [library.entries[index] for index in motions]
-    seconds = np.array([entry.frames / entry.rate for entry in entries])
+    seconds = _room(library, motions)
+    first = np.array([0.0 if entry.cyclic else (NOW - 1) / CONTROL_RATE for entry in entries])
     recorded = np.array([entry.subject != VARIANTS for entry in entries])
     weights = np.where(recorded, RECORDED * seconds, 1.0)
     drawn = random.choice(len(motions), count, p=weights / weights.sum())
-    times = random.uniform(0.0, seconds[drawn])
-    around = np.arange(1 - NOW, FUTURE + 1) / CONTROL_RATE
-    for first in range(0, count, _CHUNK):
-        rows = slice(first, first + _CHUNK)
-        yield library.sample(motions[drawn[rows], None], times[rows, None] + around)
+    times = first[drawn] + random.uniform(0.0, seconds[drawn])
+    moving = random.random(count) >= STILL
+    around = np.arange(1 - NOW, FUTURE + 1) / CONTROL_RATE * moving[:, None]
+    for start in range(0, count, _CHUNK):
+        rows = slice(start, start + _CHUNK)
+        yield library.sample(motions[drawn[rows], None], times[rows, None] + around[rows])
 
 
 def moments(root: Array, rotations: Array) -> tuple[Floats, Floats]:

@@ -1,7 +1,7 @@
 """A moment of a motion in numbers: the newest pose, how it came about, and how it goes on.
 
 Changes are relative to the newest frame, so that they are the same wherever the person is and whichever way
-the person faces: displacements of the root in its heading frame, rotations from its local ones.
+the person faces: displacements of the root in its heading frame, joint rotations relative to the newest ones.
 """
 
 from __future__ import annotations

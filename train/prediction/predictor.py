@@ -67,7 +67,8 @@ class Predictor:
     @classmethod
     def load(cls, path: Path = SHIPPED) -> Predictor:
         """Read a predictor; KinemimicError for a damaged file and for another network."""
-        advice = "make it again with `kinemimic train-predictor`"
+        remade = "make it again with `kinemimic train-predictor`"
+        advice = "install kinemimic again" if path == SHIPPED else remade
         tensors = read_tensors(path, "a predictor", advice)
         wanted = OBSERVED, FUTURE * CHANGES
         try:

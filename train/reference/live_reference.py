@@ -16,7 +16,7 @@ from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Poses
 KNOWN = 1  # frames ahead of the present that have come: the coming control step ends at the newest
 AHEAD = 13  # frames ahead that a tracker sees: its preview of 12 control steps, after the coming one
 BEHIND = 6  # frames before the present, which the splines through the present need
-MEMORY = 13  # frames from which the next are predicted, at least BEHIND + 1 + KNOWN
+MEMORY = 13  # frames from which the next are predicted: more than max(PAST), and than BEHIND + KNOWN
 _ROWS = 8  # of the tables for each frame, for as many torques as substeps
 RATE = float(CONTROL_RATE)
 # The AHEAD - KNOWN frames, (F, 3) and (F, 20, 4), that follow on the last MEMORY ones.
@@ -24,7 +24,7 @@ Predict = Callable[[Array, Array], tuple[Array, Array]]
 
 
 class _Stretch(Reference):
-    """The last frames; torques are found for the coming control step alone."""
+    """The last frames and the predicted ones; torques are found for the coming control step alone."""
 
     def __init__(self, motion: Motion) -> None:
         super().__init__(motion, RATE * _ROWS)
@@ -99,7 +99,7 @@ class LiveReference(Reference):
         """Phases of the stretch; those before it are its first frame, those after it its last."""
         first = self.newest - KNOWN - BEHIND
         place = (np.asarray(phase) * RATE - first) / (BEHIND + AHEAD)
-        # Rounding must not put the newest frame beyond the end.
+        # Rounding must not put the last frame beyond the end.
         return np.clip(place, 0.0, 1.0)
 
     def bodies(self, phase: Array) -> BodyStates:

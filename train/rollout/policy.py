@@ -176,12 +176,15 @@ def is_tracker(record: Mapping[str, Any]) -> bool:
 def training_summary(record: Mapping[str, Any]) -> dict[str, Any]:
     """`train` of scores.json and of other results: what a policy's record says about its training.
 
-    budget, finished: in samples; whether the training ended by itself, or the policy is its best so far.
+    budget, finished: in samples, the largest one if training went on beyond the first; whether the training
+    ended by itself, or the policy is its best so far.
     """
     config = record.get("config", {})
     config = config if isinstance(config, Mapping) else {}
     budget, longest, trained = config.get("budget"), config.get("max_budget"), record.get("samples")
-    if budget and longest and trained and trained > budget:
+    # The budget is spent in whole rounds.
+    round_ = config.get("num_envs", 0) * config.get("horizon", 0)
+    if budget and longest and trained and trained >= budget + round_:
         budget = longest
     return {
         **{key: record.get(key) for key in ("samples", "preset", "seed")},

@@ -1,4 +1,4 @@
-"""The training loop: rounds until the budget is spent, with evaluations and checkpoints in between."""
+"""The training loop: rounds until time or samples are spent, with evaluations and checkpoints in between."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SAVING = "checkpoint"
 
 
 def is_over(training: TrainingState, seconds: float | None) -> bool:
-    """Whether the budget of samples or of seconds is spent."""
+    """Whether time or samples are spent: the budget if an evaluation walks, else the largest budget."""
     state, config = training.algorithm.progress, training.algorithm.config
     late = seconds is not None and sum(state.seconds_by.values()) >= seconds
     if late or state.samples >= config.largest_budget:
@@ -81,12 +81,12 @@ class TrainingLoop:
                 if self._seconds is not None:
                     bar.ends_within(self._seconds - sum(state.seconds_by.values()))
                 self._runner.start(self._training.env_states)
+                self._correct(bar)
                 saved = time.monotonic()
                 while not (interruption.asked or is_complete(self._training, self._seconds)):
                     if self._evaluation_is_due():
                         self._evaluate(board)
-                        if state.samples >= self._config.budget:
-                            bar.corrected(self._config.largest_budget)
+                        self._correct(bar)
                     else:
                         self._round(board, bar)
                     # A due evaluation belongs in the checkpoint, so that its curves are logged once.
@@ -108,6 +108,11 @@ class TrainingLoop:
             found = getattr(error, "strerror", None) or error
             kept = f"the last {self._path} is kept" if self._path.exists() else "there is no checkpoint yet"
             raise KinemimicError(f"training stopped at {state.samples:,} samples: {found}; {kept}") from None
+
+    def _correct(self, bar: Bar) -> None:
+        """Show how far training goes once it goes on beyond its budget."""
+        if self._state.samples >= self._config.budget and not is_over(self._training, self._seconds):
+            bar.corrected(self._config.largest_budget)
 
     def _round(self, board: SummaryWriter, bar: Bar) -> None:
         config, state, evaluations = self._config, self._state, self._training.evaluations

@@ -80,12 +80,11 @@ def awaited(watched: Watched, color: tuple[int, int, int], least: int, *, drawn:
 
 
 def settled(watched: Watched) -> bool:
-    """Whether the latency that is shown comes below a second within a minute: playback may skip at first, and
-    the humanoid then performs for 0.4 s what came before."""
+    """Whether the latency that is shown comes below 0.3 s within a minute: playback may skip at first."""
     until = time.monotonic() + 60.0
     while time.monotonic() < until:
         behind = re.search(r"(\d+) ms behind", watched.tab.inner_text("body"))
-        if behind is not None and 400 < int(behind[1]) < 1000:
+        if behind is not None and int(behind[1]) < 300:
             return True
         time.sleep(0.1)
     return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -70,8 +71,14 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     folder = Path(found["recording"])
     frames = list(Replay(folder, named=scenario))
     assert len(frames) == found["steps"]
-    # A recorded bit that is another is noticed.
+    # Another predictor is refused, and none.
     text = (folder / SESSION).read_text()
+    (predictor,) = re.findall(r'"predictor":"(\w{64})"', text)
+    for other, complaint in (("f" * 64, "another predictor"), ("", "one without a predictor")):
+        (folder / SESSION).write_text(text.replace(predictor, other))
+        with pytest.raises(KinemimicError, match=f"the predictor of this version, found {complaint}"):
+            list(Replay(folder, named=scenario))
+    # A recorded bit that is another is noticed.
     place = repr(float(WALK.positions[20, 13, 2]))
     assert place in text
     (folder / SESSION).write_text(text.replace(place, repr(float(WALK.positions[20, 13, 2]) + 1e-6)))

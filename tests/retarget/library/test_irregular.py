@@ -55,9 +55,8 @@ def test_its_strides_differ_as_much_as_is_drawn(loop: Motion, monkeypatch: pytes
 def test_it_stays_a_gait_on_the_ground(loop: Motion) -> None:
     for seed in range(4):
         one = irregular(loop, np.random.default_rng(seed))
-        speed, usual = (each.root[-1, 0] - each.root[0, 0] for each in (one, loop))
-        assert speed / one.duration == pytest.approx(loop.cycle_offset[0] / loop.duration, rel=0.25)
-        assert usual > 0.0
+        way = one.root[-1, 0] - one.root[0, 0]
+        assert way / one.duration == pytest.approx(loop.cycle_offset[0] / loop.duration, rel=0.25)
         positions, frames = body_kinematics(one.rotations, one.root)
         assert lowest_points(positions, frames)[..., 2].min() > -0.05
         for joint in LIMITS:
