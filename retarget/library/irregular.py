@@ -84,4 +84,5 @@ def _noise(count: int, columns: int, width: float, random: np.random.Generator) 
     margin = int(4 * width)
     white = random.standard_normal((count + 2 * margin, columns))
     smooth: Array = gaussian_filter1d(white, width, axis=0)[margin : margin + count]
-    return smooth * np.sqrt(2.0 * np.sqrt(np.pi) * width)
+    smooth *= np.sqrt(2.0 * np.sqrt(np.pi) * width)
+    return smooth
