@@ -182,7 +182,7 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
               help="Put this subject's motions into the split `test`; repeatable.")  # fmt: skip
 @click.option("--variants", type=click.IntRange(min=0), default=0, show_default=True,
               help="Add this many random variants of the loops in the split `train`: other cadences, "
-                   "strides, postures; walks that turn; gaits whose strides differ.")  # fmt: skip
+                   "strides, postures; walks that turn.")  # fmt: skip
 @click.option("--exercises", type=click.IntRange(min=0), default=0, show_default=True,
               help="Add this many random exercises on the spot: squats, bends, reaches, steps.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,

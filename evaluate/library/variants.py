@@ -12,26 +12,16 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
-from kinemimic.retarget.library.irregular import irregular
 from kinemimic.retarget.library.motion_library import Entry
 from kinemimic.retarget.library.turning import turning
 from kinemimic.retarget.library.variants import SUBJECT, plausible, plausible_variant
 from kinemimic.retarget.optimise.balance_loop import balance_loop
 from kinemimic.train.reference.residual import residual
 
-# Of the variants, by sort; walks are the rest, or runs where there are no walks.
-SHARES = {"run": 0.21, "turning": 0.05, "irregular": 0.26, "irregular-run": 0.04}
+# Of the variants, by sort; walks are the rest.
+SHARES = {"run": 0.25, "turning": 0.05}
 # `kind` of a variant's entry.
-KINDS = {
-    "walk": "walk",
-    "run": "run",
-    "turning": "walk",
-    "irregular": "walk",
-    "irregular-run": "run",
-    "exercise": "motion",
-}
-# Each sort varies loops of its own.
-SEEDS = {"walk": 0, "run": 0, "turning": 1, "irregular": 2, "irregular-run": 1}
+KINDS = {"walk": "walk", "run": "run", "turning": "walk", "exercise": "motion"}
 CHUNK = 20  # variants of a task
 # Largest `residual` of a variant: few walks and runs that were recorded have a larger one, and those from a
 # noisy Kinect. Without this, much of a tracker's training would go to motions that nobody can perform.
@@ -64,14 +54,12 @@ class Loops:
             return {}
         if not (self.walks or self.runs):
             raise KinemimicError("--variants: expected walks or runs to vary, found no loops")
-        rest = "walk" if self.walks else "run"
-        sorts = [sort for sort in SHARES if sort != rest and self.of_kind(KINDS[sort])]
-        counts = {sort: round(SHARES[sort] * count) for sort in sorts}
-        return {**counts, rest: count - sum(counts.values())}
-
-    def of_kind(self, kind: str) -> Sequence[Motion]:
-        """The loops of a kind, "walk" or "run"."""
-        return self.walks if kind == "walk" else self.runs
+        if not self.walks:
+            return {"run": count}
+        counts = {"turning": round(SHARES["turning"] * count)}
+        if self.runs:
+            counts["run"] = round(SHARES["run"] * count)
+        return {**counts, "walk": count - sum(counts.values())}
 
 
 def made_variants(
@@ -111,15 +99,15 @@ def _make(task: tuple[Loops, str, int, range]) -> list[Motion]:
 def _variant(loops: Loops, sort: str, seed: int, number: int) -> Motion:
     if sort == "exercise":
         return exercise(seed, number)
+    if sort == "run":
+        return plausible_variant(loops.runs, "run", seed, number, _physical)
     random = np.random.default_rng([seed, 103, number])
-    kind = KINDS[sort]
-    loop = plausible_variant(loops.of_kind(kind), kind, seed + SEEDS[sort], number, _physical)
-    if kind == "walk" and random.random() < BALANCED:
+    # Loops of their own for turning walks, apart from those of the others.
+    loop = plausible_variant(loops.walks, "walk", seed + (sort == "turning"), number, _physical)
+    if random.random() < BALANCED:
         moved, _ = balance_loop(loop)
         loop = moved if plausible(moved, "walk") and _physical(moved, "walk") else loop
-    if sort == "turning":
-        return turning(loop, random)
-    return irregular(loop, random) if sort.startswith("irregular") else loop
+    return turning(loop, random) if sort == "turning" else loop
 
 
 def _physical(motion: Motion, kind: str) -> bool:
