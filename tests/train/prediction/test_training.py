@@ -72,7 +72,7 @@ def test_the_command_prints_both_splits(
 
 
 def test_the_one_that_ships_foresees_a_walk() -> None:
-    """The virtual Kinect's walk, which it has not learned from: a quarter of the error of the newest pose."""
+    """The virtual Kinect's walk, which it has not learned from: a third of the error of the newest pose."""
     motion = read_motion_json(DATASETS / "policies/walk/motion.json")
     reference, predictor = Reference(motion), Predictor.load()
     errors, held = [], []
@@ -84,8 +84,8 @@ def test_the_one_that_ships_foresees_a_walk() -> None:
         for name, curve in joint_angles(predicted).items():
             errors.append(curve - came[name][NOW + 1 :])
             held.append(came[name][NOW] - came[name][NOW + 1 :])
-    assert np.std(errors) < 0.25 * np.std(held)
-    assert np.degrees(np.sqrt(np.mean(np.square(errors)))) < 6.0
+    assert np.std(errors) < np.std(held) / 3.0
+    assert np.degrees(np.sqrt(np.mean(np.square(errors)))) < 8.0
 
 
 def test_who_stands_still_is_expected_to_stand() -> None:
