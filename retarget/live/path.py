@@ -1,8 +1,9 @@
-"""The path of the body over the ground, from its feet: the one that carries it does not slide.
+"""The path of the body over the ground: as recorded, or by the feet where the hips stay in place.
 
-The hips move as recorded, less what the feet in support slide on average, as in `noncyclic.py`: on a
-treadmill or before a camera that turns, all of the path comes from the feet. The body is as high as its
-lowest part demands, and in the flight of a run as much higher as the person was.
+On a treadmill, or before a camera that turns with the person, feet in support show where the hips go.
+Anywhere else the recorded path is right, and a foot in support that slides is one that a depth sensor sees
+badly. The body is as high as its lowest part demands, and in the flight of a run as much higher as the person
+was.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ BOTH = 0.03
 FLIGHT = {True: 0.05, False: 0.10}
 MAX_FLIGHT = 0.6  # m
 USUAL = 20.0  # percentile of the lower ankle's height: the ground
-SLIDE_TIME = 1.5  # s over which the slide of the feet is averaged
+RECENT = 0.4  # s in which the weight of a frame of the window falls by 1/e
+SLIDE_TIME = 0.5  # s over which the slide of the feet is averaged
 _SMOOTHING = 0.04  # s
 MAX_SPEED = 8.0  # m/s
 
@@ -53,7 +55,8 @@ class LivePath:
         now = window.now
         flight = _flight(window.ankles, now, precise=precise)
         recorded = self._rate * np.gradient(window.hips[:, :2], axis=0)
-        slide = self._averaged(_slide(window, recorded, flight, self._rate), recorded)
+        recent = np.exp(-np.abs(np.arange(len(recorded)) - now) / (RECENT * self._rate))
+        slide = self._averaged(_slide(window, recorded, flight, recent, self._rate), window, recorded)
         smooth = gaussian_filter1d(recorded, _SMOOTHING * self._rate, axis=0, mode="nearest")[now]
         cosine, sine = np.cos(window.heading[now]), np.sin(window.heading[now])
         velocity = smooth - np.array(
@@ -66,29 +69,38 @@ class LivePath:
         height = gaussian_filter1d(flight - lowest, _SMOOTHING * self._rate, mode="nearest")[now]
         return Step(velocity, float(height))
 
-    def _averaged(self, slide: Array, recorded: Array) -> Array:
-        """The slide (2,) over the last seconds. At first the recorded path is believed, unless the hips stay
-        in place while the feet walk."""
+    def _averaged(self, slide: Array, window: PoseWindow, recorded: Array) -> Array:
+        """The slide (2,) of the last moments if the hips stay in place while the feet walk, else none."""
+        hips = _along(recorded[:, None], window.heading).mean(axis=(0, 1))
+        in_place = float(np.linalg.norm(hips)) < IN_PLACE * float(np.linalg.norm(hips - slide))
+        found = slide if in_place else np.zeros(2)
         if self._slide is None:
-            moved = float(np.linalg.norm(recorded.mean(axis=0)))
-            self._slide = slide if moved < IN_PLACE * float(np.linalg.norm(slide)) else np.zeros(2)
-        averaged: Array = self._slide + (slide - self._slide) / (SLIDE_TIME * self._rate)
+            self._slide = found
+        averaged: Array = self._slide + (found - self._slide) / (SLIDE_TIME * self._rate)
         self._slide = averaged
         return averaged
 
 
-def _slide(window: PoseWindow, recorded: Array, flight: Array, rate: float) -> Array:
+def _slide(window: PoseWindow, recorded: Array, flight: Array, recent: Array, rate: float) -> Array:
     """Velocity (2,) m/s, along and across the heading, of the feet that carry a body whose hips move with
-    `recorded` (M, 2): weighted medians, since a foot that swings low seems to carry for some frames."""
+    `recorded` (M, 2): weighted medians, since a foot that swings low seems to carry for some frames.
+
+    recent: (M,) weights of the frames."""
     corners = sole_positions(window.positions, window.frames)
     speed = at_lowest_corner(corners, corner_velocity(corners, rate, None))[..., :2] + recorded[:, None]
     lower = window.ankles[:, ::-1] - window.ankles
     alone = np.clip((lower - ALONE[0]) / (ALONE[1] - ALONE[0]), 0.0, 1.0)
-    weight = np.where(flight[:, None] > 0.0, 0.0, alone + BOTH * (lower > -ALONE[0]))
+    weight = recent[:, None] * np.where(flight[:, None] > 0.0, 0.0, alone + BOTH * (lower > -ALONE[0]))
     if not weight.any():
         return np.zeros(2)
-    ahead = along_heading(np.concatenate([speed, np.zeros((*speed.shape[:2], 1))], axis=-1), window.heading)
+    ahead = _along(speed, window.heading)
     return np.array([_weighted_median(ahead[..., k].ravel(), weight.ravel()) for k in range(2)])
+
+
+def _along(velocities: Array, heading: Array) -> Array:
+    """Components (M, K, 2) of velocities (M, K, 2) along and across the heading (M,)."""
+    upright = np.concatenate([velocities, np.zeros((*velocities.shape[:2], 1))], axis=-1)
+    return along_heading(upright, heading)[..., :2]
 
 
 def _weighted_median(values: Array, weights: Array) -> float:
