@@ -21,6 +21,7 @@ from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.live.performer import Performer
 from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.prediction.live_prediction import LivePrediction
 from kinemimic.train.prediction.predictor import Predictor
 from kinemimic.train.reference.live_reference import AHEAD, BEHIND, KNOWN, LiveReference
 from kinemimic.train.reference.reference import Reference
@@ -61,7 +62,7 @@ class LiveSession(Session):
         self.restarts = 0
         self._mirror = Mirror(config)
         self._place_there = settings.place
-        self._live = LiveReference(first.root, first.rotations, predictor.predict)
+        self._live = LiveReference(first.root, first.rotations, LivePrediction(predictor))
         self._balance = 1.0  # share of balance in the actions
         self._placed_in: int | None = None
         self._shown: LiveView | None = None
@@ -99,7 +100,7 @@ class LiveSession(Session):
     def _advance_reference(self) -> None:
         moment = self.capture.advance()
         performed = self.performer.perform(moment)
-        self._live.append(performed.root, performed.rotations)
+        self._live.append(performed.root, performed.rotations, performed.noise)
         if performed.appeared and self._place_there:
             # When the humanoid comes to the person's first frames, after the fade.
             self._placed_in = KNOWN + CONTROL_RATE // 2

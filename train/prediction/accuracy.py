@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.library.motion_library import MotionLibrary
-from kinemimic.train.prediction.fit import NOW, windows
+from kinemimic.train.prediction.fit import NOISY_NOW, NOW, windows
+from kinemimic.train.prediction.noise import with_sensor_noise
 from kinemimic.train.prediction.predictor import Predictor
 from kinemimic.train.sim.world import CONTROL_RATE
 
-AFTER = (1, 3, 6, 12)  # frames after the newest
+AFTER = (0, 1, 3, 6, 12)  # frames after the newest
 MOMENTS = 2000
 
 # Seconds ahead -> joint -> degrees.
@@ -26,19 +27,29 @@ def accuracy(
 ) -> dict[str, Errors]:
     """RMSE of knees and hips in degrees, on moments of these motions (M,), after AFTER frames.
 
-    "predicted", and two controls: "held", the newest pose goes on; "steady", its joints keep their speed.
+    "predicted", and two controls: "held", the newest pose goes on; "steady", its joints keep their speed. Of
+    the same moments through the noise of a sensor: "restored", and the control "noisy", the newest pose as
+    captured goes on.
     """
     found: dict[str, list[Array]] = {name: [] for name in ("predicted", "held", "steady")}
-    for root, rotations in windows(library, motions, MOMENTS, np.random.default_rng(seed)):
+    random = np.random.default_rng(seed)
+    for root, rotations in windows(library, motions, MOMENTS, random):
         angles = _knees_and_hips(rotations)
-        newest, coming = angles[:, NOW - 1 : NOW], angles[:, NOW:]
-        ahead = np.arange(1, coming.shape[1] + 1)[:, None, None]
+        newest, coming = angles[:, NOW - 1 : NOW], angles[:, NOW - 1 :]
+        ahead = np.arange(coming.shape[1])[:, None, None]
         predicted = np.array(
-            [predictor.predict(*one)[1] for one in zip(root[:, :NOW], rotations[:, :NOW], strict=True)]
+            [predictor.continued(*one)[1] for one in zip(root[:, :NOW], rotations[:, :NOW], strict=True)]
         )
         found["predicted"].append(_knees_and_hips(predicted) - coming)
         found["held"].append(newest - coming)
         found["steady"].append(newest + ahead * (newest - angles[:, NOW - 2 : NOW - 1]) - coming)
+    found |= {"restored": [], "noisy": []}
+    for root, rotations in windows(library, motions, MOMENTS, random, NOISY_NOW):
+        coming = _knees_and_hips(rotations[:, NOISY_NOW - 1 :])
+        captured = with_sensor_noise(root[:, :NOISY_NOW], rotations[:, :NOISY_NOW], random)
+        restored = np.array([predictor.restored(*one)[1] for one in zip(*captured, strict=True)])
+        found["restored"].append(_knees_and_hips(restored) - coming)
+        found["noisy"].append(_knees_and_hips(captured[1][:, -1:]) - coming)
     return {name: _by_time(np.concatenate(errors)) for name, errors in found.items()}
 
 
@@ -50,11 +61,11 @@ def _knees_and_hips(rotations: Array) -> Array:
 
 
 def _by_time(errors: Array) -> Errors:
-    """Of errors (N, FUTURE, 2, 2), rad."""
+    """Of errors (N, 1 + FUTURE, 2, 2), rad."""
     rms = np.degrees(np.sqrt(np.mean(errors**2, axis=(0, -1))))
     return {
         f"{frames / CONTROL_RATE:.2f}": {
-            joint: round(float(rms[frames - 1, k]), 2) for k, joint in enumerate(("knee", "hip"))
+            joint: round(float(rms[frames, k]), 2) for k, joint in enumerate(("knee", "hip"))
         }
         for frames in AFTER
     }

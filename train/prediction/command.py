@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import click
 import numpy as np
 import torch
 
+from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import minutes
@@ -19,11 +22,24 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.library.library_file import MANIFEST, read_library
+from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.prediction.accuracy import Errors, accuracy
-from kinemimic.train.prediction.fit import fit, moments, usable, windows
-from kinemimic.train.prediction.predictor import PREDICTOR
+from kinemimic.train.prediction.fit import (
+    DENOISING,
+    NOISY_NOW,
+    PREDICTION,
+    Fit,
+    fit,
+    moments,
+    noisy_moments,
+    usable,
+    windows,
+)
+from kinemimic.train.prediction.predictor import PREDICTOR, Predictor
+from kinemimic.train.prediction.regression import Regression
 
-MOMENTS, EPOCHS = 400_000, 12
+MOMENTS = 400_000
+NOISY_SHARE = 0.5  # moments for the denoising, as a share of those for the prediction
 THREADS = 2  # of torch: more cores change the order of its sums, and so the last bits
 
 
@@ -34,22 +50,17 @@ def train_predictor(source: Path, out: Path, *, count: int = MOMENTS, seed: int 
     KinemimicError without a motion to train on.
     """
     library, identity, began = read_library(source), file_hash(source / MANIFEST), time.monotonic()
-    splits = {split: usable(library, library.select(split)) for split in ("train", "test")}
+    splits = {split: usable(library, library.select(split), NOISY_NOW) for split in ("train", "test")}
     if not len(splits["train"]):
         raise KinemimicError(
-            f"{source}: expected loops, or motions of a second, in the split `train`, found none"
+            f"{source}: expected loops, or motions of two seconds, in the split `train`, found none"
         )
     torch.set_num_threads(THREADS)
     with locked(out):
-        with progress("moments", count) as bar:
-            parts = []
-            for root, rotations in windows(library, splits["train"], count, np.random.default_rng(seed)):
-                parts.append(moments(root, rotations))
-                bar.advance(len(root))
-        seen, coming = (np.concatenate(column) for column in zip(*parts, strict=True))
-        with progress("train", EPOCHS * count, unit="moments") as bar:
-            predictor = fit(seen, coming, EPOCHS, seed, bar.advance)
-        config, inputs = {"moments": count, "epochs": EPOCHS}, {"library": identity}
+        predictor = Predictor(_prediction(library, count, seed), _denoising(library, count, seed))
+        inputs, config = {"library": identity}, {
+            "moments": count, "prediction": asdict(PREDICTION), "denoising": asdict(DENOISING),
+        }  # fmt: skip
         record = {
             "seed": seed,
             "seconds": round(time.monotonic() - began, 1),
@@ -63,6 +74,35 @@ def train_predictor(source: Path, out: Path, *, count: int = MOMENTS, seed: int 
         }
         predictor.save(out / PREDICTOR, record)
     return record
+
+
+def _prediction(library: MotionLibrary, count: int, seed: int) -> Regression:
+    motions = usable(library, library.select("train"))
+    batches = windows(library, motions, count, np.random.default_rng(seed))
+    return _learned("prediction", (moments(*one) for one in batches), count, PREDICTION, seed)
+
+
+def _denoising(library: MotionLibrary, count: int, seed: int) -> Regression:
+    motions, random = usable(library, library.select("train"), NOISY_NOW), np.random.default_rng(seed)
+    # What is no gait has no strides over which noise could average out.
+    loops = motions[[library.entries[index].cyclic for index in motions]]
+    noisy = max(1, round(NOISY_SHARE * count))
+    batches = windows(library, loops if len(loops) else motions, noisy, random, NOISY_NOW)
+    return _learned("denoising", (noisy_moments(*one, random) for one in batches), noisy, DENOISING, seed)
+
+
+def _learned(
+    name: str, batches: Iterable[tuple[Floats, Floats]], count: int, how: Fit, seed: int
+) -> Regression:
+    """Fit to `count` moments, which come in batches."""
+    parts = []
+    with progress(f"{name}: moments", count) as bar:
+        for seen, coming in batches:
+            parts.append((seen, coming))
+            bar.advance(len(seen))
+    seen, coming = (np.concatenate(column) for column in zip(*parts, strict=True))
+    with progress(f"{name}: train", how.epochs * count, unit="moments") as bar:
+        return fit(seen, coming, how, seed, bar.advance)
 
 
 @click.command("train-predictor")

@@ -16,11 +16,12 @@ from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Poses
 KNOWN = 1  # frames ahead of the present that have come: the coming control step ends at the newest
 AHEAD = 13  # frames ahead that a tracker sees: its preview of 12 control steps, after the coming one
 BEHIND = 6  # frames before the present, which the splines through the present need
-MEMORY = 13  # frames from which the next are predicted: more than max(PAST), and than BEHIND + KNOWN
+MEMORY = 31  # frames from which the next are predicted: more than the largest of PAST and NOISY_PAST
 _ROWS = 8  # of the tables for each frame, for as many torques as substeps
 RATE = float(CONTROL_RATE)
-# The AHEAD - KNOWN frames, (F, 3) and (F, 20, 4), that follow on the last MEMORY ones.
-Predict = Callable[[Array, Array], tuple[Array, Array]]
+# Of the last MEMORY frames, (F, 3) and (F, 20, 4), and their noise, 0 to 1: the newest frame without it, and
+# the AHEAD - KNOWN that follow.
+Predict = Callable[[Array, Array, float], tuple[Array, Array]]
 
 
 class _Stretch(Reference):
@@ -50,32 +51,34 @@ class LiveReference(Reference):
         """The reference has stood in a pose of root (3,) and rotations (20, 4) until now."""
         self.newest = KNOWN
         self._predict = predict
-        self._roots = deque([root] * MEMORY, maxlen=MEMORY)
-        self._turns = deque([rotations] * MEMORY, maxlen=MEMORY)
-        self._rebuild()
+        self._captured = deque([(root, rotations)] * MEMORY, maxlen=MEMORY)
+        self._followed = deque([(root, rotations)] * (BEHIND + KNOWN + 1), maxlen=BEHIND + KNOWN + 1)
+        self._stretch = self._stretched(0.0)
 
     @property
     def present(self) -> float:
         """Phase at which the coming control step begins."""
         return (self.newest - KNOWN) / RATE
 
-    def append(self, root: Array, rotations: Array) -> None:
-        """The next frame, of root (3,) and local rotations (20, 4)."""
+    def append(self, root: Array, rotations: Array, noise: float = 0.0) -> None:
+        """The next frame, of root (3,) and local rotations (20, 4), and how noisy it is, 0 to 1."""
         self.newest += 1
-        self._roots.append(root)
-        self._turns.append(rotations)
-        self._rebuild()
+        self._captured.append((root, rotations))
+        self._stretch = self._stretched(noise)
 
-    def _rebuild(self) -> None:
-        roots, turns = np.array(self._roots), np.array(self._turns)
-        next_roots, next_turns = self._predict(roots, turns)
-        count, known = BEHIND + 1 + AHEAD, BEHIND + 1 + KNOWN
-        self._stretch = _Stretch(
+    def _stretched(self, noise: float) -> Reference:
+        roots, turns = (np.array(column) for column in zip(*self._captured, strict=True))
+        root, rotations = self._predict(roots, turns, noise)
+        # Where noise has moved the path, it stays: from there on, its steps count.
+        root[:, :2] += self._followed[-1][0][:2] - roots[-2, :2]
+        self._followed.append((root[0], rotations[0]))
+        followed, turned = (np.array(column) for column in zip(*self._followed, strict=True))
+        return _Stretch(
             Motion(
                 RATE,
-                np.concatenate([roots[-known:], next_roots]),
-                continuous(np.concatenate([turns[-known:], next_turns])),
-                np.zeros((count, 2), dtype=np.bool_),
+                np.concatenate([followed, root[1:]]),
+                continuous(np.concatenate([turned, rotations[1:]])),
+                np.zeros((BEHIND + 1 + AHEAD, 2), dtype=np.bool_),
                 cyclic=False,
             )
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.prediction import command
 from kinemimic.train.prediction.command import train_predictor
 from kinemimic.train.prediction.moments import FUTURE, PAST
-from kinemimic.train.prediction.predictor import PREDICTOR, Predictor
+from kinemimic.train.prediction.predictor import PREDICTOR, SIZES, Predictor
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -59,7 +60,8 @@ def test_the_same_seed_gives_the_same_bytes(library: Path, made: Path, tmp_path:
 def test_the_command_prints_both_splits(
     library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(command, "EPOCHS", 1)
+    monkeypatch.setattr(command, "PREDICTION", replace(command.PREDICTION, epochs=1))
+    monkeypatch.setattr(command, "DENOISING", replace(command.DENOISING, epochs=1))
     out = tmp_path / "predictor"
     with pytest.raises(SystemExit) as ended:
         main(["train-predictor", str(library), "--out", str(out), "--moments", "600"])
@@ -79,10 +81,10 @@ def test_the_one_that_ships_foresees_a_walk() -> None:
     for start in np.arange(0.0, 1.0, 0.05):
         phases = start + np.arange(NOW + 1 + FUTURE) / CONTROL_RATE / motion.duration
         root, rotations = reference.root(phases), reference.nodes(phases)
-        _, predicted = predictor.predict(root[: NOW + 1], rotations[: NOW + 1])
+        _, predicted = predictor.continued(root[: NOW + 1], rotations[: NOW + 1])
         came = joint_angles(rotations)
         for name, curve in joint_angles(predicted).items():
-            errors.append(curve - came[name][NOW + 1 :])
+            errors.append(curve[1:] - came[name][NOW + 1 :])
             held.append(came[name][NOW] - came[name][NOW + 1 :])
     assert np.std(errors) < np.std(held) / 3.0
     assert np.degrees(np.sqrt(np.mean(np.square(errors)))) < 8.0
@@ -91,7 +93,7 @@ def test_the_one_that_ships_foresees_a_walk() -> None:
 def test_who_stands_still_is_expected_to_stand() -> None:
     rotations = np.tile(IDENTITY, (NOW + 1, 20, 1))
     root = np.tile([1.0, 2.0, 0.95], (NOW + 1, 1))
-    next_root, next_rotations = Predictor.load().predict(root, rotations)
+    next_root, next_rotations = Predictor.load().continued(root, rotations)
     assert np.abs(next_root - root[0]).max() < 0.02
     moved = angle_between(next_rotations, np.broadcast_to(IDENTITY, next_rotations.shape))
     assert np.degrees(moved.max()) < 5.0
@@ -105,15 +107,15 @@ def test_damage_is_one_line(made: Path, tmp_path: Path) -> None:
     path.write_bytes((made / PREDICTOR).read_bytes()[:-100])
     with pytest.raises(KinemimicError, match="cut off or damaged"):
         Predictor.load(path)
-    save_file({name: one for name, one in tensors.items() if name != "linear"}, path)
-    with pytest.raises(KinemimicError, match="no tensor 'linear'"):
-        Predictor.load(path)
-    save_file({**tensors, "linear": tensors["linear"][:-1]}, path)
-    with pytest.raises(KinemimicError, match="found another network"):
-        Predictor.load(path)
-    save_file({**tensors, "scale": 0.0 * tensors["scale"]}, path)
-    with pytest.raises(KinemimicError, match="found another network"):
-        Predictor.load(path)
+    for kind in SIZES:
+        linear, scale = f"{kind}.linear", f"{kind}.scale"
+        save_file({name: one for name, one in tensors.items() if name != linear}, path)
+        with pytest.raises(KinemimicError, match=f"no tensor '{linear}'"):
+            Predictor.load(path)
+        for damaged in ({linear: tensors[linear][:-1]}, {scale: 0.0 * tensors[scale]}):
+            save_file({**tensors, **damaged}, path)
+            with pytest.raises(KinemimicError, match=f"a network for {kind} of .* found another"):
+                Predictor.load(path)
 
 
 def test_a_library_for_tests_alone_is_refused(tmp_path: Path) -> None:

@@ -24,22 +24,23 @@ def once(motion: Motion) -> Motion:
 
 
 def foreseen(once: Motion) -> Predict:
-    """The frames that come."""
+    """The newest frame and those that come."""
     came = -1
 
-    def predict(roots: Array, turns: Array) -> tuple[Array, Array]:
+    def predict(roots: Array, turns: Array, noise: float) -> tuple[Array, Array]:
         nonlocal came
+        assert noise == 0.0
         assert roots.shape == (MEMORY, 3) and turns.shape == (MEMORY, 20, 4)
         came += 1
-        coming = np.clip(np.arange(came, came + AHEAD - KNOWN), 0, len(once.root) - 1)
+        coming = np.clip(np.arange(came - 1, came + AHEAD - KNOWN), 0, len(once.root) - 1)
         return once.root[coming], once.rotations[coming]
 
     return predict
 
 
-def still(roots: Array, turns: Array) -> tuple[Array, Array]:
+def still(roots: Array, turns: Array, noise: float) -> tuple[Array, Array]:
     """The last frame goes on."""
-    count = AHEAD - KNOWN
+    count = 1 + AHEAD - KNOWN
     return np.repeat(roots[-1:], count, axis=0), np.repeat(turns[-1:], count, axis=0)
 
 
@@ -77,3 +78,26 @@ def test_a_new_one_stands(once: Motion) -> None:
     poses = live.poses(np.array([live.present]))
     assert np.allclose(poses.root, once.root[0])
     assert np.abs(poses.root_linear).max() < 1e-9
+
+
+def test_without_noise_the_path_goes_on_from_where_it_was(once: Motion) -> None:
+    """While the capture is noisy, the steps of the prediction count, here without those to the side; when
+    noise comes or goes, nothing jumps."""
+
+    def straight(roots: Array, turns: Array, noise: float) -> tuple[Array, Array]:
+        root, rotations = still(roots, turns, noise)
+        root[:, 1] -= noise * (roots[-1, 1] - roots[-2, 1])
+        return root, rotations
+
+    live = LiveReference(once.root[0], once.rotations[0], straight)
+    way = [[0.0, 0.0, 0.0]]
+    for k in range(60):
+        root = once.root[0] + [0.03 * k, 0.02 * k, 0.0]
+        live.append(root, once.rotations[0], noise=float(20 <= k < 40))
+        way.append((live.root(np.array([live.present]))[0] - once.root[0]).tolist())
+    steps = np.diff(way, axis=0)[5:]
+    assert np.allclose(steps[:, 0], 0.03, atol=1e-9)
+    # The present is KNOWN frames behind the newest.
+    aside = np.full(60, 0.02)
+    aside[20 + KNOWN : 40 + KNOWN] = 0.0
+    assert np.allclose(steps[:, 1], aside[5:], atol=1e-9)
