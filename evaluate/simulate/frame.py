@@ -75,12 +75,14 @@ class LiveSettings(Struct, frozen=True):
     """How a live capture is followed.
 
     lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
-    humanoid onto its reference when a person appears, instead of letting it start from standing.
+    humanoid onto its reference when a person appears, instead of letting it start from standing; denoise:
+    remove the noise of a depth sensor's walk.
     """
 
     lag: Annotated[float, Meta(ge=0.0, le=1.0)] = LAG
     up: str | None = None
     place: bool = False
+    denoise: bool = True
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ class LiveSession(Session):
         first = self.performer.perform(None)
         self.restarts = 0
         self._mirror = Mirror(config)
-        self._place_there = settings.place
+        self._place_there, self._denoise = settings.place, settings.denoise
         self._live = LiveReference(first.root, first.rotations, LivePrediction(predictor))
         self._balance = 1.0  # share of balance in the actions
         self._placed_in: int | None = None
@@ -100,7 +100,8 @@ class LiveSession(Session):
     def _advance_reference(self) -> None:
         moment = self.capture.advance()
         performed = self.performer.perform(moment)
-        self._live.append(performed.root, performed.rotations, performed.noise)
+        noise = performed.noise if self._denoise else 0.0
+        self._live.append(performed.root, performed.rotations, noise)
         if performed.appeared and self._place_there:
             # When the humanoid comes to the person's first frames, after the fade.
             self._placed_in = KNOWN + CONTROL_RATE // 2

@@ -86,6 +86,9 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
 @click.option("--place/--set-out", default=True, show_default=True,
               help="When a person appears, put the humanoid onto its reference, or let it start from where "
                    "it stands.")  # fmt: skip
+@click.option("--denoise/--no-denoise", default=True, show_default=True,
+              help="Remove the noise of a depth sensor's walk: steadier, but farther from the "
+                   "capture.")  # fmt: skip
 @click.option("--page/--no-page", "with_page", default=True, show_default=True, help="Serve the page.")
 @click.option("--port", type=_PORT, default=DEFAULT_PAGE, show_default=True, help="Port of the page.")
 @click.option("--seconds", type=FiniteRange(min=0.1), help="End after this time.")
@@ -103,6 +106,7 @@ def command(
     lag: float,
     up: str | None,
     place: bool,
+    denoise: bool,
     with_page: bool,
     port: int,
     seconds: float | None,
@@ -145,7 +149,7 @@ def command(
         found = stream(
             source,
             run,
-            settings=LiveSettings(lag=lag, up=up, place=place),
+            settings=LiveSettings(lag=lag, up=up, place=place, denoise=denoise),
             engine=resolve(engine),
             page=page,
             viewers=None if page is None or seconds is not None else page.viewers,

@@ -19,6 +19,7 @@ from kinemimic.retarget.live.pose import LivePose, mixed
 
 FADE_TIME = 0.5  # s between standing and the person
 PATIENCE = 0.3  # s for which the last pose is held before the person counts as lost
+NOISE_TIME = 1.0  # s of walking after which noise can be told from it
 STANDING_KNEE = 0.1  # rad: straight knees would lock
 
 
@@ -57,7 +58,7 @@ class Performer:
         self.people = self.lost = 0
         self._rate = rate
         self._presence = 0.0
-        self._absent = float("inf")
+        self._absent, self._followed = float("inf"), 0.0
         self._rotations = standing()
         self._velocity, self._height = np.zeros(2), float(_standing_height(standing()))
         self._place = np.zeros(2)
@@ -102,7 +103,8 @@ class Performer:
             rotations = mixed(still, self._rotations, share)
             height = _standing_height(rotations)
             height += share * (self._height - _standing_height(self._rotations))
-        noise = share * (1.0 - self.pose.reliability.pelvis)
+        self._followed = self._followed + 1.0 / self._rate if share >= 1.0 else 0.0
+        noise = min(1.0, self._followed / NOISE_TIME) * (1.0 - self.pose.reliability.pelvis)
         return Performed(np.append(self._place, height), rotations, share, appeared, noise)
 
 

@@ -18,15 +18,14 @@ import pyarrow.parquet as pq
 from against_truth import REPORT_SEEDS
 
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings
-from kinemimic.evaluate.simulate.live_session import LiveSession
+from kinemimic.evaluate.simulate.recording import begin_live_session
 from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
-from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.prediction.predictor import Predictor
-from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
+from kinemimic.train.rollout.tracker_file import tracker_path
+from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -45,19 +44,11 @@ OTHERS = [
 SECONDS = 12.0
 
 
-class WithoutDenoising(Predictor):
-    """As for a precise capture."""
-
-    def restored(self, root: Array, rotations: Array) -> tuple[Array, Array]:
-        return self.continued(root, rotations)
-
-
-def follow(path: Path, predictor: Predictor, engine: str) -> list[Frame]:
+def follow(path: Path, denoise: bool, engine: str) -> list[Frame]:
     """The control steps in which a person is followed."""
-    policy, record = load_tracker(tracker_path("tracker"))
     source = CaptureFile(path)
-    session = LiveSession(
-        policy, TrainConfig.from_json(record["config"]).measured_env, engine, LiveSettings(), predictor
+    session = begin_live_session(
+        tracker_path("tracker").parent, engine, LiveSettings(place=True, denoise=denoise), named=scenario
     )
     frames, step = [], 0
     while step / CONTROL_RATE < min(source.seconds, SECONDS):
@@ -71,21 +62,21 @@ def follow(path: Path, predictor: Predictor, engine: str) -> list[Frame]:
     ]
 
 
-def row(path: Path, predictor: Predictor, engine: str) -> tuple[float, float]:
+def row(path: Path, denoise: bool, engine: str) -> tuple[float, float]:
     """Share of the time upright, and falls a minute."""
-    fallen = np.array([one.fallen for one in follow(path, predictor, engine)])
+    fallen = np.array([one.fallen for one in follow(path, denoise, engine)])
     falls = np.count_nonzero(np.diff(fallen.astype(int), prepend=0) > 0)
     return float(np.mean(~fallen)), 60.0 * CONTROL_RATE * falls / len(fallen)
 
 
-def truth(seed: int, predictor: Predictor, engine: str) -> tuple[float, float]:
+def truth(seed: int, denoise: bool, engine: str) -> tuple[float, float]:
     """RMSE of knee and hip of the live reference against the virtual walker, degrees."""
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         recording = record_virtual(Path(name), motion="walk", seed=seed, sensor="turning")
         ingest(recording.skl, Path(name) / "run")
         table = pq.read_table(Path(name) / "run" / "truth.parquet")
-        frames = follow(recording.skl, predictor, engine)
+        frames = follow(recording.skl, denoise, engine)
     true = {one: table[one].to_numpy() for one in ("time", *ANGLES)}
     at = np.array([one.shown.time for one in frames if one.shown is not None]) + true["time"][0]
     errors: dict[str, list[Array]] = {"knee": [], "hip": []}
@@ -99,8 +90,7 @@ def truth(seed: int, predictor: Predictor, engine: str) -> tuple[float, float]:
 
 def main() -> None:
     """Print both tables."""
-    engine, denoising = resolve("auto"), Predictor.load()
-    both = denoising, WithoutDenoising(denoising.prediction, denoising.denoising)
+    engine, both = resolve("auto"), (True, False)
     print(f"tracker that ships, {engine}; upright and falls a minute, denoised and as captured")
     groups: list[tuple[str, list[tuple[float, float]]]] = []
     for name in (*WALKS, *OTHERS):
