@@ -30,7 +30,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.pipeline.kinematics.vectors import unit
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import corner_velocity, sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics

@@ -25,7 +25,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.pipeline.kinematics.trunk import pelvis_frames, torso_frames
 from kinemimic.pipeline.live.capture import Moment
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
 from kinemimic.retarget.feet.legs import limit_knee_extension
 from kinemimic.retarget.feet.scale import STANCE_WIDTHS, abduct, body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.locomotion.odometry import FEET_ERROR, FootOdometry
+from kinemimic.pipeline.locomotion.path.odometry import FEET_ERROR, FootOdometry
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
-from kinemimic.pipeline.locomotion.stride_phase import gait_phase
+from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.path.upright import center_of_mass, upright_axis
+from kinemimic.pipeline.locomotion.phase.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.strides import cut_strides, frames_of
-from kinemimic.pipeline.locomotion.upright import center_of_mass, upright_axis
 
 
 def found_up(clip: Clip) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.locomotion.stride_phase import stride_phase
+from kinemimic.pipeline.locomotion.phase.stride_phase import stride_phase
 
 
 def test_the_phase_of_a_steady_walk_is_that_of_its_cosine():

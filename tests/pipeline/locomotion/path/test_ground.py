@@ -8,7 +8,7 @@ import pytest
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.locomotion.ground import ground_height
+from kinemimic.pipeline.locomotion.path.ground import ground_height
 
 CYCLES, FRAMES = 12.0, 720
 PHASE = CYCLES * np.arange(FRAMES) / FRAMES

@@ -10,7 +10,7 @@ from samples.walker import along, in_place, walker
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
 
 RATE = 60.0
 

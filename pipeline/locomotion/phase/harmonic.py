@@ -13,7 +13,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion.fourier import design
+from kinemimic.pipeline.locomotion.phase.fourier import design
 
 PERIODS = (0.5, 2.0)  # seconds of a stride
 # Seconds over which the grid of periods is searched: over more strides its steps would miss the best one.

@@ -12,7 +12,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion.heading import along_heading
+from kinemimic.pipeline.locomotion.path.heading import along_heading
 
 # Shares of the body's mass, and the two nodes between whose middles each segment's centre lies (Dempster 1955
 # in Winter 2009, Biomechanics and Motor Control of Human Movement, table 4.1; trunk and head in one line).

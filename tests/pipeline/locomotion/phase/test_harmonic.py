@@ -7,7 +7,7 @@ import pytest
 from samples.walker import in_place, walker
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.locomotion.harmonic import fit_harmonic, walking_direction
+from kinemimic.pipeline.locomotion.phase.harmonic import fit_harmonic, walking_direction
 
 # None of the periods that the search begins with.
 PERIOD, AMPLITUDE, START, RATE = 1.1349, 0.6, 0.4, 30.0

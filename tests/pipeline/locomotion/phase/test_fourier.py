@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.locomotion.fourier import evaluate, fit
+from kinemimic.pipeline.locomotion.phase.fourier import evaluate, fit
 
 
 def test_a_series_is_the_sum_of_its_cosines_and_sines() -> None:

@@ -8,8 +8,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.locomotion.fourier import design
-from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
+from kinemimic.pipeline.locomotion.phase.fourier import design
+from kinemimic.pipeline.locomotion.phase.harmonic import fit_harmonic
 
 SMOOTHING_TIME = (
     0.08  # s over which the ankles' distance is averaged before its turning points are looked for
