@@ -11,7 +11,7 @@ import pytest
 from peers.trackers import entry, shipped_motion, write_idle_tracker, write_small_library
 from printed.documented import documented_keys
 
-from kinemimic.evaluate.scoring.library_scores import summaries
+from kinemimic.evaluate.scoring.metrics.library_scores import summaries
 from kinemimic.evaluate.scoring.tracker_command import SCORES, evaluate_tracker
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
@@ -59,7 +59,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "START_PHASES", 2)
     monkeypatch.setattr(evaluation, "CYCLIC_FRAMES", 60)
     monkeypatch.setattr(
-        "kinemimic.evaluate.scoring.library_scores.parallel_map",
+        "kinemimic.evaluate.scoring.metrics.library_scores.parallel_map",
         lambda work, tasks, **_: [work(task) for task in tasks],
     )
 

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.scoring import figures
-from kinemimic.evaluate.scoring.capture_fit import Capture
-from kinemimic.evaluate.scoring.capture_sections import capture_values
-from kinemimic.evaluate.scoring.cycle_figures import against_capture, mean_cycle
-from kinemimic.evaluate.scoring.first_screen import errors_before_fall, loop, shown_rollout, tiles
-from kinemimic.evaluate.scoring.gait_page import gait_values
-from kinemimic.evaluate.scoring.gait_report import gait_report
-from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured, strike_phases
-from kinemimic.evaluate.scoring.tracking_error import TRACKING_MEASURES
-from kinemimic.evaluate.scoring.verdict import verdict
+from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
+from kinemimic.evaluate.scoring.metrics.gait_report import gait_report
+from kinemimic.evaluate.scoring.metrics.gait_subjects import GaitSubject, captured, strike_phases
+from kinemimic.evaluate.scoring.metrics.tracking_error import TRACKING_MEASURES
+from kinemimic.evaluate.scoring.metrics.verdict import verdict
+from kinemimic.evaluate.scoring.reports import figures
+from kinemimic.evaluate.scoring.reports.capture_sections import capture_values
+from kinemimic.evaluate.scoring.reports.cycle_figures import against_capture, mean_cycle
+from kinemimic.evaluate.scoring.reports.first_screen import errors_before_fall, loop, shown_rollout, tiles
+from kinemimic.evaluate.scoring.reports.gait_page import gait_values
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.scoring.scores import fit, root_path, survival
-from kinemimic.evaluate.scoring.tracking_error import TRACKING_MEASURES, tracking
+from kinemimic.evaluate.scoring.metrics.scores import fit, root_path, survival
+from kinemimic.evaluate.scoring.metrics.tracking_error import TRACKING_MEASURES, tracking
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion

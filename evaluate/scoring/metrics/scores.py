@@ -14,8 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, adjustments, capture_fits, truth_fits
-from kinemimic.evaluate.scoring.tracking_error import tracking
+from kinemimic.evaluate.scoring.metrics.capture_fit import (
+    Capture,
+    Rollout,
+    adjustments,
+    capture_fits,
+    truth_fits,
+)
+from kinemimic.evaluate.scoring.metrics.tracking_error import tracking
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES

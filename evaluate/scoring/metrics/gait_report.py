@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.scoring.gait_norms import NORMS
-from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, reference, simulated
+from kinemimic.evaluate.scoring.metrics.gait_norms import NORMS
+from kinemimic.evaluate.scoring.metrics.gait_subjects import GaitSubject, reference, simulated
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curves import curve_statistics, over_cycle
 from kinemimic.pipeline.gait.events import SIDES

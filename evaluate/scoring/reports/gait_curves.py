@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinemimic.evaluate.scoring.figures import CAPTURED, REFERENCE, SIMULATED
-from kinemimic.evaluate.scoring.gait_norms import NORMS, Json
+from kinemimic.evaluate.scoring.metrics.gait_norms import NORMS, Json
+from kinemimic.evaluate.scoring.reports.figures import CAPTURED, REFERENCE, SIMULATED
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.gait.curves import CYCLE
 from kinemimic.pipeline.gait.events import SIDES

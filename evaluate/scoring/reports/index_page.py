@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.evaluate.policies.scores_file import read_scores
-from kinemimic.evaluate.scoring.report import LEVELS
-from kinemimic.evaluate.scoring.verdict import verdict
+from kinemimic.evaluate.scoring.metrics.verdict import verdict
+from kinemimic.evaluate.scoring.reports.report import LEVELS
 from kinemimic.pipeline.cli.html import render
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import INDEX

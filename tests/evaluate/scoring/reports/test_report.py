@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from peers.sections import write_sections
 
-from kinemimic.evaluate.scoring.capture_fit import Capture
-from kinemimic.evaluate.scoring.figures import curves
-from kinemimic.evaluate.scoring.report import ReportData, ReportInputs, report
-from kinemimic.evaluate.scoring.scores import compose
-from kinemimic.evaluate.scoring.verdict import verdict
+from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
+from kinemimic.evaluate.scoring.metrics.scores import compose
+from kinemimic.evaluate.scoring.metrics.verdict import verdict
+from kinemimic.evaluate.scoring.reports.figures import curves
+from kinemimic.evaluate.scoring.reports.report import ReportData, ReportInputs, report
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import inline_svg
 from kinemimic.pipeline.kinematics.angles import ANGLES

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinemimic.evaluate.scoring.capture_fit import Capture
-from kinemimic.evaluate.scoring.figures import (
+from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
+from kinemimic.evaluate.scoring.reports.figures import (
     CAPTURED,
     DASHES,
     JOINTS,

@@ -1,8 +1,8 @@
 import pytest
 
 from kinemimic.evaluate.policies.recipe import POLICIES
-from kinemimic.evaluate.scoring.scores import compose
-from kinemimic.evaluate.scoring.verdict import verdict
+from kinemimic.evaluate.scoring.metrics.scores import compose
+from kinemimic.evaluate.scoring.metrics.verdict import verdict
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.train.config.presets import PRESETS
 

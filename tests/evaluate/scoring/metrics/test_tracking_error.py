@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.scoring.tracking_error import body_positions, tracking, tracking_errors
+from kinemimic.evaluate.scoring.metrics.tracking_error import body_positions, tracking, tracking_errors
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, node_offsets

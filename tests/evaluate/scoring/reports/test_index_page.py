@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from kinemimic.evaluate.scoring.index_page import write_index
+from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion

@@ -11,8 +11,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.scoring.gait_curves import curves
-from kinemimic.evaluate.scoring.gait_norms import NORMS, Json
+from kinemimic.evaluate.scoring.metrics.gait_norms import NORMS, Json
+from kinemimic.evaluate.scoring.reports.gait_curves import curves
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.gait.events import SIDES
 

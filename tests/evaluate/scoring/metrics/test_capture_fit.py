@@ -3,7 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, capture_fits, read_capture, truth_fits
+from kinemimic.evaluate.scoring.metrics.capture_fit import (
+    Capture,
+    Rollout,
+    capture_fits,
+    read_capture,
+    truth_fits,
+)
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.store import write_table
 from kinemimic.pipeline.kinematics.angles import ANGLES

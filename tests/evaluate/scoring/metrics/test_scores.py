@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.scoring.capture_fit import Capture
-from kinemimic.evaluate.scoring.scores import compose, root_path, survival, torque
+from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
+from kinemimic.evaluate.scoring.metrics.scores import compose, root_path, survival, torque
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.presets import PRESETS
