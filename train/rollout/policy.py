@@ -14,9 +14,9 @@ from safetensors.numpy import save
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.records import convert
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic, read_json, write_json
+from kinemimic.pipeline.files.validation.records import convert
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.body import body_identity
 from kinemimic.retarget.humanoid.motion import Motion

@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.schema import unchanged, upgraded
-from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.files.validation.schema import unchanged, upgraded
+from kinemimic.pipeline.files.validation.tables import numbers, read_table
 from kinemimic.pipeline.gait.curve_metrics import JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.captured_angles import CAPTURED_SCHEMA

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.schema import Upgrade, unchanged, upgraded
+from kinemimic.pipeline.files.validation.schema import Upgrade, unchanged, upgraded
 
 PATH = Path("runs/walk/thing.json")
 

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.files.bounded import require_regular
-from kinemimic.pipeline.files.strict_json import strict_json
+from kinemimic.pipeline.files.validation.bounded import require_regular
+from kinemimic.pipeline.files.validation.strict_json import strict_json
 
 _CELLS = 1 << 28  # 2 GB of doubles: twelve hours of a clip at 30 Hz
 _LARGEST = 1e12  # seconds, metres or radians; larger values come from damaged bits

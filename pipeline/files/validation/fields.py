@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
-from kinemimic.pipeline.files.records import convert
+from kinemimic.pipeline.files.validation.records import convert
 
 _LARGEST = 1e9
 

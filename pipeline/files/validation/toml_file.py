@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.files.bounded import read_bounded
-from kinemimic.pipeline.files.records import short
+from kinemimic.pipeline.files.validation.bounded import read_bounded
+from kinemimic.pipeline.files.validation.records import short
 
 
 def read_text(path: Path, limit: int, kind: str, shown: Path | None = None) -> str:

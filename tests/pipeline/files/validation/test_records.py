@@ -10,8 +10,8 @@ import pytest
 from msgspec import Meta, Struct
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.records import RecordError, convert, one_of
-from kinemimic.pipeline.files.toml_file import parse_toml
+from kinemimic.pipeline.files.validation.records import RecordError, convert, one_of
+from kinemimic.pipeline.files.validation.toml_file import parse_toml
 
 
 class Joint(Struct, forbid_unknown_fields=True):

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files import bounded
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded, require_regular
+from kinemimic.pipeline.files.validation import bounded
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded, require_regular
 
 
 def test_a_file_within_its_limit_is_read_whole(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ COUNT = """
 import os, sys
 from pathlib import Path
 from kinemimic.pipeline.files.store import read_clip
-from kinemimic.pipeline.files.tables import read_table
+from kinemimic.pipeline.files.validation.tables import read_table
 
 kind, path = sys.argv[1], Path(sys.argv[2])
 before = len(os.listdir("/proc/self/task"))

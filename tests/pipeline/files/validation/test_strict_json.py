@@ -8,7 +8,7 @@ import random
 
 import pytest
 
-from kinemimic.pipeline.files.strict_json import strict_json
+from kinemimic.pipeline.files.validation.strict_json import strict_json
 
 
 def test_values_are_those_of_pythons_parser() -> None:
