@@ -10,7 +10,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import local_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import local_rotations
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.bouts import Bout

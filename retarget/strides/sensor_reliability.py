@@ -13,7 +13,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
-from kinemimic.pipeline.kinematics.orient import FOOT_DROP, node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, node_frames
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones

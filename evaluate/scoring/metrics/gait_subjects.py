@@ -25,7 +25,7 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.nodes import derived_nodes, shows_feet
-from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.plural import plural

@@ -27,7 +27,7 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
+from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.rotations import (
     angle_between,
     conjugate,

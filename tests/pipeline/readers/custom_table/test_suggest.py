@@ -16,7 +16,7 @@ from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.orient import node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_frames
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source

@@ -5,7 +5,7 @@ import pytest
 from samples.mirror import MIRROR
 
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
-from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
     angle_between,

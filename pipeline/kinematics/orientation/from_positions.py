@@ -12,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.orientation.trunk import direction, pelvis_frames, swing, torso_frames
+from kinemimic.pipeline.kinematics.orientation.twist import follow_twist
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
     conjugate,
@@ -22,8 +24,6 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
-from kinemimic.pipeline.kinematics.trunk import direction, pelvis_frames, swing, torso_frames
-from kinemimic.pipeline.kinematics.twist import follow_twist
 
 # Radians by which the line from ankle to toe of a flat foot points below the horizontal.
 FOOT_DROP = 0.205

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.orient import node_frames, node_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_frames, node_rotations
+from kinemimic.pipeline.kinematics.orientation.trunk import direction
+from kinemimic.pipeline.kinematics.orientation.twist import follow_twist
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_euler, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.trunk import direction
-from kinemimic.pipeline.kinematics.twist import follow_twist
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
-from tests.pipeline.kinematics.test_orient import positions_of, standing
+from tests.pipeline.kinematics.orientation.test_from_positions import positions_of, standing
 
 # Lines whose directions a body's frame hangs on.
 _PELVIS = (("hip_right", "hip_left"), ("hip_center", "spine"))

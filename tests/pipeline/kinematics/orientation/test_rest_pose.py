@@ -8,7 +8,7 @@ import pytest
 
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.orientation.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.rotations import (
     angle_between,
     conjugate,

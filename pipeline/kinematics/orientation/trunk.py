@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.orientation.twist import FADE, follow_twist
 from kinemimic.pipeline.kinematics.rotations import (
     conjugate,
     from_axis_angle,
@@ -18,7 +19,6 @@ from kinemimic.pipeline.kinematics.rotations import (
     normalize,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.twist import FADE, follow_twist
 
 _UP = np.array([0.0, 0.0, 1.0])
 # Width over the median width above which a line is fully trusted; oblique views shrink it too.

@@ -2,10 +2,10 @@
 
 A recorder's joint frames follow its own rest pose: arms out in a T or an A, or, in a sensor's SDK, axes along
 the bones. Each differs from our body segment's frame by a constant rotation, which is estimated from the
-recording itself: the frames that its positions show (orient.py), relative to the recorder's joint, averaged
-over time. So the same motion on a skeleton with another rest pose gives the same rotations. Rotations that
-positions cannot show are kept as recorded: the twist of a straight limb, of the head, of the foot, a
-forearm's pronation.
+recording itself: the frames that its positions show (from_positions.py), relative to the recorder's joint,
+averaged over time. So the same motion on a skeleton with another rest pose gives the same rotations.
+Rotations that positions cannot show are kept as recorded: the twist of a straight limb, of the head, of the
+foot, a forearm's pronation.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.nodes import joints_of, to_nodes
-from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import local_rotations, node_frames
+from kinemimic.pipeline.kinematics.orientation.trunk import direction, swing
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
     angle_between,
@@ -31,7 +32,6 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton
 from kinemimic.pipeline.kinematics.spans import all_finite
-from kinemimic.pipeline.kinematics.trunk import direction, swing
 
 # A joint's frame is accepted if it agrees with the positions to this (rms, radians).
 _AGREES = np.radians(25.0)
