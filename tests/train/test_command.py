@@ -35,7 +35,8 @@ from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import normalized_loss
 from kinemimic.train.runner.checkpoint import TrainingState
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 from kinemimic.train.task.timer import Timer
 
 SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))

@@ -24,7 +24,8 @@ from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.rollout.network import Layers, normalized, read_tensors, sizes, stored_layers
-from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import observation_limits
 
 POLICY = "policy.safetensors"  # in a run folder

@@ -16,7 +16,8 @@ from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.networks import Normalizer
 from kinemimic.train.ppo.ppo import PpoAlgorithm, adapt_penalty, adapt_rate
 from kinemimic.train.rollout.sampler import Samples
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 
 def column(*values: float) -> np.ndarray:
