@@ -28,8 +28,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.gimbal import gimbal_report, table
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.orient import node_rotations
-from kinemimic.pipeline.kinematics.rest_pose import NodeRotations, node_rotations_of
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
+from kinemimic.pipeline.kinematics.orientation.rest_pose import NodeRotations, node_rotations_of
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.quality.stored import ORIENTATION_SCHEMA
 from kinemimic.pipeline.run_folder.stage import stage
@@ -41,10 +41,10 @@ def convert(run: Path) -> Clip:
     """Read clip.parquet and write quaternions.parquet, gimbal.json and orientation.json to the run folder.
 
     Euler channels: converted to quaternions, each joint in its own order. Quaternions: kept. Positions only:
-    mapped to the 20 nodes, whose orientations are computed (`kinematics/orient.py`), NaN where a joint that
-    defines them is missing. quaternions.parquet has the rotations only: `read_converted` puts both together.
-    orientation.json lists the nodes with a recorded rotation (see `rest_pose.node_rotations_of`) and how far
-    recorded knees and elbows deviate from pure hinges.
+    mapped to the 20 nodes, whose orientations are computed (`kinematics/orientation/from_positions.py`), NaN
+    where a joint that defines them is missing. quaternions.parquet has the rotations only: `read_converted`
+    puts both together. orientation.json lists the nodes with a recorded rotation (see
+    `rest_pose.node_rotations_of`) and how far recorded knees and elbows deviate from pure hinges.
     """
     with stage(run, "convert") as out:
         return _convert(run, out)

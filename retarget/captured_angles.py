@@ -20,7 +20,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_table
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import local_rotations, node_frames
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize, rotate
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.strides.sensor_reliability import SensorReliability, reliable_frames

@@ -10,11 +10,11 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import local_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import local_rotations
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion import fourier
 from kinemimic.pipeline.locomotion.bouts import Bout
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
 from kinemimic.retarget.feet.ground import RootPath, fit_root_path, is_running
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet

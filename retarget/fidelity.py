@@ -9,7 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.humanoid.motion import joint_angles
 

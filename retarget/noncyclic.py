@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import FOOT_DROP, local_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, local_rotations
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES

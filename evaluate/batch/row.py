@@ -110,7 +110,7 @@ def score_columns(scores: Mapping[str, Any]) -> Row:
 
     upright: share of the frames before a fall; R² of knee and hip gives no credit after a fall.
     """
-    from kinemimic.evaluate.scoring.verdict import verdict  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.scoring.metrics.verdict import verdict  # noqa: PLC0415 (import cost)
 
     fit, survival = scores["fit"]["phases"], scores["survival"]
     columns: Row = {

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from kinemimic.evaluate.batch.state import place_of
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE
-from kinemimic.pipeline.files.toml_file import read_text
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
+from kinemimic.pipeline.files.validation.toml_file import read_text
 from kinemimic.pipeline.readers.search import find_files
 
 _LIST = "@"

@@ -23,7 +23,7 @@ from kinemimic.evaluate.export.both import (
 from kinemimic.evaluate.export.motion_source import SOURCES, MotionSource, source_of_mcap, sources_of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
-from kinemimic.evaluate.scoring.index_page import write_index
+from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, show

@@ -16,7 +16,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.orientation.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames

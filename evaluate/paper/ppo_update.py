@@ -15,7 +15,8 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.ppo.objective import ActorBatch, log_prob
 from kinemimic.train.ppo.ppo import PpoAlgorithm, minibatches
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import observation_size
 
 
 class OneUpdate(Protocol):

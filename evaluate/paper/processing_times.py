@@ -30,7 +30,7 @@ from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.train.config.baseline_config import A2c, OffPolicy, StablePpo, require_package
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS, preset
-from kinemimic.train.task.env import observation_size
+from kinemimic.train.task.observation import observation_size
 
 SAMPLES = (1000, 2000, 3000)
 NETS = ((512, 256), (1024, 512))  # hidden layers: the presets' and the paper's

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
-from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
+from kinemimic.evaluate.scoring.metrics.scores import FIT_FRAMES, rollout_fits
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
 from kinemimic.pipeline.kinematics.angles import ANGLES

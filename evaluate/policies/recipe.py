@@ -9,10 +9,10 @@ from msgspec import Struct
 
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.catalog.load import load_catalog
-from kinemimic.pipeline.files.bounded import MEGABYTE
 from kinemimic.pipeline.files.data_folder import DATASETS
-from kinemimic.pipeline.files.records import convert
-from kinemimic.pipeline.files.toml_file import parse_toml, read_text
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
+from kinemimic.pipeline.files.validation.records import convert
+from kinemimic.pipeline.files.validation.toml_file import parse_toml, read_text
 
 POLICIES = DATASETS / "policies"
 

@@ -8,8 +8,8 @@ from typing import Any
 from msgspec import Struct
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.fields import Count, Number, checked
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.files.validation.fields import Count, Number, checked
 
 
 class _Spread(Struct):

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy
 from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, run_all_trials, summarize, trial_tasks
-from kinemimic.evaluate.scoring.index_page import write_index
+from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import PERCENT

@@ -29,7 +29,7 @@ from kinemimic.evaluate.robustness.push_trials import (
     push_from_all_directions,
     push_phases,
 )
-from kinemimic.evaluate.scoring.index_page import write_index
+from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show

@@ -14,9 +14,12 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.evaluate.policies.shipped import run_options
-from kinemimic.evaluate.scoring.capture_fit import read_capture
-from kinemimic.evaluate.scoring.index_page import write_index
-from kinemimic.evaluate.scoring.report import (
+from kinemimic.evaluate.scoring.metrics.capture_fit import read_capture
+from kinemimic.evaluate.scoring.metrics.scores import compose
+from kinemimic.evaluate.scoring.metrics.tracking_error import FAILURE_DISTANCE, TRACKING_MEASURES
+from kinemimic.evaluate.scoring.metrics.verdict import verdict
+from kinemimic.evaluate.scoring.reports.index_page import write_index
+from kinemimic.evaluate.scoring.reports.report import (
     LABELS,
     PAPER_FIT,
     PAPER_GAP_DEG,
@@ -26,9 +29,6 @@ from kinemimic.evaluate.scoring.report import (
     median,
     report,
 )
-from kinemimic.evaluate.scoring.scores import compose
-from kinemimic.evaluate.scoring.tracking_error import FAILURE_DISTANCE, TRACKING_MEASURES
-from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress

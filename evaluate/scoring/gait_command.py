@@ -14,10 +14,10 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.evaluate.policies.unfinished import say, unfinished_rollouts
-from kinemimic.evaluate.scoring.gait_page import NO_VALUE, ROWS, gait_page, notes
-from kinemimic.evaluate.scoring.gait_report import gait_report
-from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
-from kinemimic.evaluate.scoring.index_page import write_index
+from kinemimic.evaluate.scoring.metrics.gait_report import gait_report
+from kinemimic.evaluate.scoring.metrics.gait_subjects import GaitSubject, captured
+from kinemimic.evaluate.scoring.reports.gait_page import NO_VALUE, ROWS, gait_page, notes
+from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.convert import on_nodes, read_converted

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.scoring.library_scores import score_library, summaries
+from kinemimic.evaluate.scoring.metrics.library_scores import score_library, summaries
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import grid, number, show

@@ -21,8 +21,8 @@ from kinemimic.evaluate.simulate.inputs import Input, decoded
 from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.store import copy_file, file_hash
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.live.frame import CapturedFrame, checked_frame
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.prediction.predictor import SHIPPED, Predictor

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import trial_start
-from kinemimic.evaluate.scoring.scores import advance_along
+from kinemimic.evaluate.scoring.metrics.scores import advance_along
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView, Score
 from kinemimic.evaluate.simulate.inputs import (

@@ -19,11 +19,11 @@ from kinemimic.evaluate.film.solids import shaded_side
 from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
+from kinemimic.pipeline.kinematics.orientation.trunk import swing
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import all_finite
-from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.sim.world import BodyStates, Obstacle
 

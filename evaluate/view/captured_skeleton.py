@@ -24,7 +24,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.store import read_clip
-from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.files.validation.tables import numbers, read_table
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
 from kinemimic.retarget.feet.scale import length_scale
 

@@ -23,7 +23,7 @@ from kinemimic.evaluate.film.movie import write_movie
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
-from kinemimic.evaluate.scoring.index_page import write_index
+from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.evaluate.view.caption import caption, trial_caption
 from kinemimic.evaluate.view.captured_skeleton import CapturedSkeleton, captured_skeleton, log_skeleton
 from kinemimic.evaluate.view.layout import layout

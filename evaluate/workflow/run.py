@@ -258,7 +258,7 @@ def command(
         overwrite=overwrite,
         quiet=as_json,
     )
-    from kinemimic.evaluate.scoring.index_page import write_index  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.scoring.reports.index_page import write_index  # noqa: PLC0415 (import cost)
 
     write_index(folder)
     report, recording = folder / "report.html", folder / "view.rrd"

@@ -47,7 +47,7 @@ class Run:
         capture = "no capture yet" if entry is None else next(iter(entry.sources), "a capture")
         try:
             if self._has("scores.json"):
-                from kinemimic.evaluate.scoring.verdict import verdict  # noqa: PLC0415 (import cost)
+                from kinemimic.evaluate.scoring.metrics.verdict import verdict  # noqa: PLC0415 (import cost)
 
                 return f"{capture}, {verdict(self.scores).headline}"
             if self._has("motion.json"):

@@ -11,10 +11,10 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict
 
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
-from kinemimic.pipeline.files.bounded import MEGABYTE
 from kinemimic.pipeline.files.data_folder import DATASETS
-from kinemimic.pipeline.files.records import RecordError, Steps, convert, dotted, short
-from kinemimic.pipeline.files.toml_file import parse_toml, read_text
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
+from kinemimic.pipeline.files.validation.records import RecordError, Steps, convert, dotted, short
+from kinemimic.pipeline.files.validation.toml_file import parse_toml, read_text
 
 CATALOG = DATASETS / "catalog.toml"
 SCHEMA = 1

@@ -27,7 +27,7 @@ def read_settings(path: Path = FILE) -> dict[str, Any]:
     if not path.exists():
         return {}
     # Import cost: few folders have the file.
-    from kinemimic.pipeline.files.toml_file import parse_toml, read_text  # noqa: PLC0415
+    from kinemimic.pipeline.files.validation.toml_file import parse_toml, read_text  # noqa: PLC0415
 
     return parse_toml(path, read_text(path, _LIMIT, "settings"))
 

@@ -17,8 +17,8 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.json_layout import layout
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import content_hash, read_json, write_text
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.pipeline.kinematics.clip import Clip
 
 FORMAT, SCHEMA, DECIMALS = "kinemimic.arrays", 1, 5

@@ -22,7 +22,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
+from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
 # Field of a clip -> its column, and the numbers per joint.

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import read_json, write_json, write_table
-from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.files.validation.schema import unchanged, upgraded
+from kinemimic.pipeline.files.validation.tables import numbers, read_table
 from kinemimic.pipeline.kinematics.angles import ANGLES
 
 TRUTH, NOTE = ".truth.parquet", ".provenance.json"

@@ -20,7 +20,6 @@ import pyarrow.parquet as pq
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.clip_table import (
     PACKED,
     RECORDED_ANGLES,
@@ -32,10 +31,11 @@ from kinemimic.pipeline.files.clip_table import (
     rotation_blocks,
     rotation_schema,
 )
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.stages import writer_of
-from kinemimic.pipeline.files.strict_json import strict_json
-from kinemimic.pipeline.files.tables import lists, numbers, open_table
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.validation.schema import upgraded
+from kinemimic.pipeline.files.validation.strict_json import strict_json
+from kinemimic.pipeline.files.validation.tables import lists, numbers, open_table
 from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.kinematics.skeleton import Skeleton

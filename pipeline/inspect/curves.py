@@ -21,7 +21,7 @@ from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, available_nodes
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
-from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
+from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 

@@ -22,7 +22,7 @@ from kinemimic.pipeline.inspect.measures import (
 )
 from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.nodes import shows_feet
-from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
+from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.locomotion.bouts import find_bouts
 from kinemimic.pipeline.locomotion.segments import Segment, find_segments

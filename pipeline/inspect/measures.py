@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.body_points import length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rest_pose import recorded_knees
+from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics

@@ -17,16 +17,16 @@ from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.even_clock import RATE
-from kinemimic.pipeline.locomotion.ground import ground_height
-from kinemimic.pipeline.locomotion.ground_path import GroundPath
-from kinemimic.pipeline.locomotion.heading import along_heading
 from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, is_precise, leg_angles, leg_bones
-from kinemimic.pipeline.locomotion.odometry import is_running_pose
 from kinemimic.pipeline.locomotion.pass_gait import PassGait, gait_of_pass, without_standing
+from kinemimic.pipeline.locomotion.path.ground import ground_height
+from kinemimic.pipeline.locomotion.path.ground_path import GroundPath
+from kinemimic.pipeline.locomotion.path.heading import along_heading
+from kinemimic.pipeline.locomotion.path.odometry import is_running_pose
+from kinemimic.pipeline.locomotion.path.upright import levelling, upright_axis
 from kinemimic.pipeline.locomotion.span import Span, agreeing_parts, span_of
 from kinemimic.pipeline.locomotion.stride_legs import judge_strides
 from kinemimic.pipeline.locomotion.strides import Stride, frames_of
-from kinemimic.pipeline.locomotion.upright import levelling, upright_axis
 from kinemimic.pipeline.locomotion.walk_rule import consecutive_strides, is_walk
 
 

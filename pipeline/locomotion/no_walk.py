@@ -11,10 +11,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.even_clock import RATE
-from kinemimic.pipeline.locomotion.ground_path import choose_path, disagreements
 from kinemimic.pipeline.locomotion.leg_pose import is_precise
-from kinemimic.pipeline.locomotion.odometry import foot_odometry
 from kinemimic.pipeline.locomotion.pass_gait import gait_of_pass
+from kinemimic.pipeline.locomotion.path.ground_path import choose_path, disagreements
+from kinemimic.pipeline.locomotion.path.odometry import foot_odometry
 from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES
 
 OTHER_PATH = "the body's path does not match its steps"

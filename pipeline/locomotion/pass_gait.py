@@ -9,9 +9,9 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.locomotion.even_clock import RATE, EvenPass, even_pass
-from kinemimic.pipeline.locomotion.heading import ankle_distance, body_heading
+from kinemimic.pipeline.locomotion.path.heading import ankle_distance, body_heading
+from kinemimic.pipeline.locomotion.phase.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.standing import Transition, on_phase, steady_frames, transitions
-from kinemimic.pipeline.locomotion.stride_phase import gait_phase
 from kinemimic.pipeline.locomotion.strides import Stride, cut_strides
 
 

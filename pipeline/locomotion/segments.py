@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
-from kinemimic.pipeline.locomotion.heading import body_heading
+from kinemimic.pipeline.locomotion.path.heading import body_heading
 
 MIN_DURATION = 0.5  # s
 TURN = np.radians(90.0)  # between the headings before and after

@@ -11,7 +11,8 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.even_clock import MIN_FRAMES, RATE
-from kinemimic.pipeline.locomotion.ground_path import (
+from kinemimic.pipeline.locomotion.pass_gait import PassGait
+from kinemimic.pipeline.locomotion.path.ground_path import (
     MAX_ONE_FOOT,
     MAX_STRIDE_DISAGREEMENT,
     GroundPath,
@@ -19,9 +20,8 @@ from kinemimic.pipeline.locomotion.ground_path import (
     disagreements,
     steady_velocity,
 )
-from kinemimic.pipeline.locomotion.heading import along_heading
-from kinemimic.pipeline.locomotion.odometry import FootOdometry, foot_odometry
-from kinemimic.pipeline.locomotion.pass_gait import PassGait
+from kinemimic.pipeline.locomotion.path.heading import along_heading
+from kinemimic.pipeline.locomotion.path.odometry import FootOdometry, foot_odometry
 from kinemimic.pipeline.locomotion.strides import Stride, frames_of, judged_span
 
 MARGIN = 0.15  # cycles

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion.fourier import design
-from kinemimic.pipeline.locomotion.heading import along_heading
+from kinemimic.pipeline.locomotion.path.heading import along_heading
+from kinemimic.pipeline.locomotion.phase.fourier import design
 from kinemimic.pipeline.locomotion.standing import Transition, is_standing, kind_of, steady_span
 
 # Seconds of a stride: from a sprinter to a patient with a stride of 2.1 s at 0.5 m/s.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.locomotion.ground_path import GroundPath
+from kinemimic.pipeline.locomotion.path.ground_path import GroundPath
 from kinemimic.pipeline.locomotion.standing import INTO, OUT_OF
 from kinemimic.pipeline.locomotion.stride_legs import MAX_PERIOD_DEVIATION
 from kinemimic.pipeline.locomotion.strides import MIN_R2, Stride

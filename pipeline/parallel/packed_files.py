@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.store import atomic
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 
 # Of one task: a depth recording of ten minutes has 18,000 images of 60 kB.
 MOST_FILES = 50_000

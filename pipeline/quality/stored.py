@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.files.fields import Count, FrameRange, Number, Share, checked
-from kinemimic.pipeline.files.records import one_of
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.files.validation.fields import Count, FrameRange, Number, Share, checked
+from kinemimic.pipeline.files.validation.records import one_of
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.pipeline.kinematics.gimbal import GIMBAL_SCHEMA
 from kinemimic.pipeline.quality.rules.defect import RULES
 

@@ -13,8 +13,8 @@ from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.records import convert
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json
+from kinemimic.pipeline.files.validation.records import convert
 
 RUN_FILE = "run.json"
 RUN_SCHEMA = 2

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.store import atomic
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.video.decode import MAX_FRAMES
 from kinemimic.pipeline.video.landmarks import COUNT
 from kinemimic.pipeline.video.region import Region

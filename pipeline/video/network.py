@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.video import without_stderr
 
 _MAX_BYTES = 256 * MEGABYTE

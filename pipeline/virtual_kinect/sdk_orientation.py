@@ -1,7 +1,7 @@
 """Joint orientations as a Kinect SDK derives them: from the noisy joints, bone by bone, unsmoothed.
 
-Deliberately independent of pipeline/kinematics/orient.py: a simulated sensor that shared the pipeline's own
-construction would hide its errors.
+Deliberately independent of pipeline/kinematics/orientation/from_positions.py: a simulated sensor that shared
+the pipeline's own construction would hide its errors.
 """
 
 from __future__ import annotations

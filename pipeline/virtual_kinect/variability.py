@@ -1,7 +1,7 @@
 """How people deviate from one repeated cycle, at levels measured on optical recordings (CMU, 120 Hz).
 
 People: the level, straight walks of a corpus of CMU clips, 02_01, 02_02, 05_01, 06_01 and 07_01 to 07_12:
-16 clips of 4 subjects, 25 strides. Joint rotations are those of `kinematics.orient`, about a heading
+16 clips of 4 subjects, 25 strides. Joint rotations are those of `kinematics.orientation`, about a heading
 low-passed at 0.4 Hz. Strides are cut at four events of the ankles' distance along the walk (both extremes,
 both zeros), and consecutive strides of 0.8 to 1.7 s within 15 % of the clip's speed are compared: 44 pairs,
 11 of which share no stride. A difference of consecutive strides, over the root of 2, is a standard

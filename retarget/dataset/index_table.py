@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow as pa
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import file_hash, write_table, write_text
-from kinemimic.pipeline.files.tables import read_table
+from kinemimic.pipeline.files.validation.schema import upgraded
+from kinemimic.pipeline.files.validation.tables import read_table
 from kinemimic.retarget.dataset.columns import DATASET_SCHEMA, INDEX, INDEX_COLUMNS, SUMS
 from kinemimic.retarget.dataset.shards import read_motion
 from kinemimic.retarget.humanoid.motion import Motion

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.tables import numbers
+from kinemimic.pipeline.files.validation.tables import numbers
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.dataset.columns import DATASET_SCHEMA, FRAME_COLUMNS, MOTIONS, schema_of

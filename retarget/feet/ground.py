@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.gravity import GRAVITY
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.contact import (
     at_lowest_corner,
     contact_speeds,

@@ -9,7 +9,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, node_offsets

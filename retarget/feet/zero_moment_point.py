@@ -19,6 +19,7 @@ from scipy.optimize import nnls
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
+from kinemimic.pipeline.kinematics.orientation.trunk import swing
 from kinemimic.pipeline.kinematics.rotations import (
     conjugate,
     continuous,
@@ -28,9 +29,8 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.pipeline.kinematics.vectors import unit
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import corner_velocity, sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics

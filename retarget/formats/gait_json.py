@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.fields import checked
-from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.files.validation.fields import checked
+from kinemimic.pipeline.files.validation.schema import unchanged, upgraded
 from kinemimic.retarget.formats.gait_schema import Gait
 from kinemimic.retarget.formats.same_motion import require_same_motion
 from kinemimic.retarget.humanoid.motion import Motion

@@ -6,7 +6,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from kinemimic.pipeline.files.fields import Count, Interval, Number, Share
+from kinemimic.pipeline.files.validation.fields import Count, Interval, Number, Share
 
 _PerSide = dict[str, Share | None]
 

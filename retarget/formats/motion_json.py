@@ -10,8 +10,8 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.json_layout import layout
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.motion_check import check_motion

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.records import convert
+from kinemimic.pipeline.files.validation.records import convert
 from kinemimic.retarget.humanoid.motion import Motion
 
 # Frames per second. Below, a few frames would take hours to simulate; above, no device records.

@@ -15,10 +15,10 @@ from safetensors.numpy import load, save
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
-from kinemimic.pipeline.files.records import convert
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic, read_json, write_json
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.validation.records import convert
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.retarget.formats.motion_json import UNIT_TOLERANCE
 from kinemimic.retarget.humanoid.motion_check import check_motion
 from kinemimic.retarget.library.motion_library import Entry, MotionLibrary

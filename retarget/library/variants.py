@@ -25,7 +25,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.ground import fit_root_path
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.locomotion.ground_path import IN_PLACE
-from kinemimic.pipeline.locomotion.heading import along_heading
+from kinemimic.pipeline.locomotion.path.ground_path import IN_PLACE
+from kinemimic.pipeline.locomotion.path.heading import along_heading
 from kinemimic.retarget.feet.contact import at_lowest_corner, corner_velocity, sole_positions
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.live.pose import PoseWindow

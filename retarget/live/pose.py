@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.kinematics.orient import FOOT_DROP, local_rotations, node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, local_rotations, node_frames
+from kinemimic.pipeline.kinematics.orientation.trunk import pelvis_frames, torso_frames
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
     continuous,
@@ -23,9 +24,8 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.kinematics.spans import all_finite
-from kinemimic.pipeline.kinematics.trunk import pelvis_frames, torso_frames
 from kinemimic.pipeline.live.capture import Moment
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
 from kinemimic.retarget.feet.legs import limit_knee_extension
 from kinemimic.retarget.feet.scale import STANCE_WIDTHS, abduct, body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH

@@ -12,8 +12,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.bouts import Bout
-from kinemimic.pipeline.locomotion.harmonic import walking_direction
 from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, leg_bones
+from kinemimic.pipeline.locomotion.phase.harmonic import walking_direction
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.pipeline.locomotion import fourier
 from kinemimic.pipeline.locomotion.bouts import Bout
+from kinemimic.pipeline.locomotion.phase import fourier
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
 LEG = ("knee", "ankle", "foot")

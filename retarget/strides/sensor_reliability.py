@@ -13,11 +13,11 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
-from kinemimic.pipeline.kinematics.orient import FOOT_DROP, node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, node_frames
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion import fourier
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.strides.loop import PooledFrames, mean_rotation
 
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise

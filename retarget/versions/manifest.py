@@ -14,8 +14,8 @@ import click
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import Canonical
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.retarget.versions.build import STAGES, built_path
 from kinemimic.retarget.versions.params import Params, params_option
 

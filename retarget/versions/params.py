@@ -12,9 +12,9 @@ import click
 from msgspec import Meta, Struct
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE
-from kinemimic.pipeline.files.records import RecordError, convert, one_of
-from kinemimic.pipeline.files.toml_file import parse_toml, read_text
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
+from kinemimic.pipeline.files.validation.records import RecordError, convert, one_of
+from kinemimic.pipeline.files.validation.toml_file import parse_toml, read_text
 from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.retarget.feet.ankles import AnkleMode
 

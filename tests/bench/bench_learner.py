@@ -30,7 +30,8 @@ from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.mlp import choose_gradient_dtype
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.sampler import Samples
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 ROUNDS = 3
 CORES = sorted(os.sched_getaffinity(0))

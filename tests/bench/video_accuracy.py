@@ -38,7 +38,7 @@ from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import LANDMARKS_FILE
 from kinemimic.pipeline.files.store import file_hash, write_text
-from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.files.validation.tables import numbers, read_table
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers.video.recording import observed_of

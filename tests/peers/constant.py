@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 
 def constant(correction: float = 0.0) -> Policy:

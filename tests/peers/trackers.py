@@ -14,7 +14,8 @@ from kinemimic.retarget.library.library_file import write_library
 from kinemimic.retarget.library.motion_library import Entry, MotionLibrary, Split
 from kinemimic.train.config.tracker import tracker_config
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import observation_size
 
 CONFIG = replace(tracker_config(), hidden=(4,))
 

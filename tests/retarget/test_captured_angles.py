@@ -11,7 +11,7 @@ import pytest
 
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
+from kinemimic.pipeline.kinematics.orientation.from_positions import local_rotations, node_frames
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED, node_skeleton
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles

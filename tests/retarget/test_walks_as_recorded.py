@@ -14,8 +14,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.proportions import complete
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.locomotion.harmonic import walking_direction
 from kinemimic.pipeline.locomotion.no_walk import BACKWARD_IN_PLACE, why_no_walk
+from kinemimic.pipeline.locomotion.phase.harmonic import walking_direction
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
 from kinemimic.retarget.report import noncyclic_report
 from kinemimic.retarget.strides.excerpt import excerpt_of_bout

@@ -8,6 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.orientation.trunk import swing
 from kinemimic.pipeline.kinematics.rotations import (
     Y_UP_TO_Z_UP,
     conjugate,
@@ -16,7 +17,6 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.pipeline.readers.segments.amass import JOINTS, STATURES, smpl_skeleton
 from samples.motion import RigidWalk, rigid_walk
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
-from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, conjugate, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion

@@ -14,7 +14,8 @@ from kinemimic.train.baselines.shared_object import SharedObjectVecEnv
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.rollout.sampler import Sampler
-from kinemimic.train.task.env import ACTIONS, SIMULATION, TASK, observation_size
+from kinemimic.train.task.env import ACTIONS, SIMULATION, TASK
+from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.timer import Seconds
 
 # stable-baselines3 clips actions to finite limits; at this one nothing is clipped, as in our own rollouts.

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 from msgspec import Struct
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.records import RecordError
+from kinemimic.pipeline.files.validation.records import RecordError
 
 Activation = Literal["tanh", "relu"]
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from kinemimic.pipeline.files.records import RecordError, Steps, convert
+from kinemimic.pipeline.files.validation.records import RecordError, Steps, convert
 from kinemimic.train.config.baseline_config import Activation, Baseline, require_counts
 from kinemimic.train.config.env_config import LATER_LIMITS, LATER_RANGES, EnvConfig, RewardConfig
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from kinemimic.pipeline.files.records import RecordError
+from kinemimic.pipeline.files.validation.records import RecordError
 from kinemimic.train.scenario.scenario import Scenario
 
 # Weights of the joints in the pose error, by the body that the joint moves; they sum to one.

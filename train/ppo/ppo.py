@@ -22,7 +22,8 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner.base import TrainingProgress, normalized_loss
 from kinemimic.train.runner.tensors import below, restore_optimizer
-from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import observation_limits
 
 Array = NDArray[np.float32]

@@ -13,7 +13,7 @@ from safetensors.numpy import load
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 
 # (weight (out, in), bias (out,)) from the input on.
 Layers = tuple[tuple[Floats, Floats], ...]

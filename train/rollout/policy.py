@@ -14,9 +14,9 @@ from safetensors.numpy import save
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.records import convert
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic, read_json, write_json
+from kinemimic.pipeline.files.validation.records import convert
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.body import body_identity
 from kinemimic.retarget.humanoid.motion import Motion
@@ -24,7 +24,8 @@ from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.rollout.network import Layers, normalized, read_tensors, sizes, stored_layers
-from kinemimic.train.task.env import ACTIONS, observation_size
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import observation_limits
 
 POLICY = "policy.safetensors"  # in a run folder

@@ -24,7 +24,8 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import RobustnessEvaluation
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.task.env import TASK, ImitationBatch, observation_size
+from kinemimic.train.task.env import TASK, ImitationBatch
+from kinemimic.train.task.observation import observation_size
 
 # Purposes of a worker's time besides SIMULATION and TASK of `env.py`; inference includes exploration noise.
 INFERENCE = "inference"

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, require_regular
-from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE, require_regular
+from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.retarget.formats.same_motion import require_same_motion
 from kinemimic.retarget.humanoid.motion import Motion
 

@@ -1,7 +1,7 @@
 """What rollouts say about a policy, in words: whether it walks or falls, and what to do about it.
 
-The report, `evaluate`, `run` and `train` use the same words; `evaluate/scoring/verdict.py` takes them from
-scores.json.
+The report, `evaluate`, `run` and `train` use the same words; `evaluate/scoring/metrics/verdict.py` takes them
+from scores.json.
 """
 
 from __future__ import annotations

@@ -16,10 +16,10 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import require_regular
-from kinemimic.pipeline.files.records import convert
 from kinemimic.pipeline.files.store import atomic, remove_leftovers
-from kinemimic.pipeline.files.strict_json import strict_json
+from kinemimic.pipeline.files.validation.bounded import require_regular
+from kinemimic.pipeline.files.validation.records import convert
+from kinemimic.pipeline.files.validation.strict_json import strict_json
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.records import RecordError
+from kinemimic.pipeline.files.validation.records import RecordError
 from kinemimic.retarget.humanoid.body import BODY_NAMES
 from kinemimic.train.sim.world import CONTROL_RATE, Shape
 

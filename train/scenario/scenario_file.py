@@ -9,10 +9,10 @@ from typing import Annotated, Any, Generic, TypeAlias, TypeVar
 from msgspec import Meta, Struct
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE
 from kinemimic.pipeline.files.data_folder import DATASETS
-from kinemimic.pipeline.files.records import RecordError, convert, one_of
-from kinemimic.pipeline.files.toml_file import parse_toml, read_text
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
+from kinemimic.pipeline.files.validation.records import RecordError, convert, one_of
+from kinemimic.pipeline.files.validation.toml_file import parse_toml, read_text
 from kinemimic.retarget.humanoid.body import BODY_NAMES
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.sim.world import CONTROL_RATE, Shape

@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.rotations import (
-    IDENTITY,
-    conjugate,
-    from_rotvec,
-    multiplier,
-    rotate,
-    to_6d,
-)
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, conjugate, from_rotvec, multiplier, rotate
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
@@ -34,6 +27,7 @@ from kinemimic.train.sim.world import (
 )
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.mirror import Mirror, left_foot_behind, mirrored
+from kinemimic.train.task.observation import observe
 from kinemimic.train.task.reward import pose_turns, rewards
 from kinemimic.train.task.timer import Timer
 
@@ -61,17 +55,6 @@ TASK = "observation and reward"
 # for every policy, regardless of what terminates the episodes of its training.
 FALL_HEIGHT = 0.25  # m
 FALL_TURN = 1.0  # rad
-
-
-def observation_size(config: EnvConfig) -> int:
-    """Size of an observation: phase, height, the bodies, and the difference to each pose of the preview; a
-    tracker's has no phase, but the difference to the reference now."""
-    body = 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3
-    preview = len(config.preview) * (15 * 3 + 2)
-    return body + preview + (2 if config.tracking is None else 4 * 15 * 3)
-
-
-OBSERVATIONS = observation_size(EnvConfig())
 
 
 @dataclass(frozen=True)
@@ -277,81 +260,23 @@ class ImitationBatch:
         return np.asarray((off > height) | (turned > turn**2) | self._exploded)
 
     def observe(self) -> Array:
-        """(E, O) in the humanoid's own heading: its state and the difference to the next poses. In the second
-        half of a mirrored cycle it is reflected (`mirror.py`)."""
-        b = self.bodies
-        size = len(self.phases)
-        six = to_6d(b.rotations)
-        beyond = self._beyond_leash()
-        vectors = np.concatenate(
-            [
-                six.reshape(size, -1, 3),
-                b.positions[:, 1:] - b.positions[:, :1],
-                b.linear,
-                b.angular,
-                *self._differences(beyond),
-                *(ahead.positions[:, :1] - b.positions[:, :1] - beyond for ahead in self._ahead),
-            ],
-            axis=1,
+        """(E, O) of `observation.observe`, in the second half of a mirrored cycle reflected (`mirror.py`)."""
+        observations = observe(
+            self.config,
+            self.phases,
+            self.reference.cyclic,
+            self.bodies,
+            self.target,
+            self._ahead,
+            self._turns,
+            self._turns_ahead,
         )
-        previews = len(self._ahead)
-        # The pelvis faces along its x-axis.
-        vectors = _in_heading_frame(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
-        if self.config.tracking is None:
-            # A cycle ends where it begins; in a non-cyclic motion, start and end must differ.
-            turn = np.where(
-                self.reference.cyclic, 2.0 * np.pi * self.phases, np.pi * np.minimum(self.phases, 1.0)
-            )
-            first = [np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T]
-        else:
-            first = [b.positions[:, :1, 2], self._turns.reshape(size, -1)]
-        parts = [
-            *first,
-            vectors[:, :-previews].reshape(size, -1),
-            *(turns.reshape(size, -1) for turns in self._turns_ahead),
-            np.minimum(np.maximum(vectors[:, -previews:, :2], -1.0), 1.0).reshape(size, -1),
-        ]
-        observations = np.concatenate(parts, axis=1)
         if self._mirror is not None:
             self._mirror.observations(observations, self._reflected)
         return observations
-
-    def _beyond_leash(self) -> Array:
-        """(E, 1, 3) horizontal part of the way to the reference that a tracker does not observe: what exceeds
-        the leash. A humanoid that fell behind keeps walking, instead of observing what it never learned."""
-        tracking = self.config.tracking
-        if tracking is None:
-            return np.zeros((len(self.phases), 1, 3))
-        way = (self.target.positions[:, :1] - self.bodies.positions[:, :1]) * [1.0, 1.0, 0.0]
-        distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), tracking.leash)
-        beyond: Array = way * (1.0 - tracking.leash / distance)
-        return beyond
-
-    def _differences(self, beyond: Array) -> list[Array]:
-        """What a tracker observes: differences (E, 15, 3) from the bodies to their reference, in position,
-        within 1 m and without the part `beyond` the leash, velocity and angular velocity."""
-        if self.config.tracking is None:
-            return []
-        b, target = self.bodies, self.target
-        return [
-            np.clip(target.positions - b.positions - beyond, -1.0, 1.0),
-            target.linear - b.linear,
-            target.angular - b.angular,
-        ]
 
     def _reflection(self) -> NDArray[np.bool_]:
         """(E,) whether observation and action are reflected."""
         if self.config.tracking is None:
             return np.mod(self.phases, 1.0) >= 0.5
         return left_foot_behind(self.target)
-
-
-def _in_heading_frame(vectors: Array, heading: Array) -> Array:
-    """Vectors (E, N, 3) of the world in the frame of a heading (E,), radians about the vertical."""
-    cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    turned = np.empty(vectors.shape)
-    turned[..., 0] = cosine * x + sine * y
-    turned[..., 1] = cosine * y - sine * x
-    turned[..., 2] = z
-    return turned

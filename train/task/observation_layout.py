@@ -36,7 +36,7 @@ def observation_limits(config: EnvConfig) -> Floats:
 
 
 def layout(config: EnvConfig) -> list[dict[str, Any]]:
-    """Parts of an observation (`ImitationBatch.observe`): name, start, size, description.
+    """Parts of an observation (`observation.observe`): name, start, size, description.
 
     Vectors are in the world frame, turned about the vertical so that x points where the pelvis faces; bodies
     are in the order of BODY_NAMES, with x, y, z of each together.

@@ -23,8 +23,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
-from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
 from kinemimic.pipeline.locomotion.leg_pose import is_precise
+from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.bounded import read_bounded
+from kinemimic.pipeline.files.validation.bounded import read_bounded
 
 # Larger than any capture of a person; protects the memory from other files.
 MAX_BYTES = 512 * 2**20

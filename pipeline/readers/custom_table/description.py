@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.records import RecordError, one_of
+from kinemimic.pipeline.files.validation.records import RecordError, one_of
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.quality.rules.length_units import UNITS
 

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from kinemimic.pipeline.files.records import RecordError, convert
-from kinemimic.pipeline.files.toml_file import parse_toml
+from kinemimic.pipeline.files.validation.records import RecordError, convert
+from kinemimic.pipeline.files.validation.toml_file import parse_toml
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.readers.custom_table.description import (
     MAX_COLUMNS,

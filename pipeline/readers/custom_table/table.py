@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.records import short
+from kinemimic.pipeline.files.validation.records import short
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.description import MAX_COLUMNS, SEPARATORS, Column, Text
 

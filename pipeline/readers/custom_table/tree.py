@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.records import short
+from kinemimic.pipeline.files.validation.records import short
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor

@@ -11,8 +11,8 @@ from msgspec.structs import astuple
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.records import RecordError, convert
-from kinemimic.pipeline.files.toml_file import parse_toml
+from kinemimic.pipeline.files.validation.records import RecordError, convert
+from kinemimic.pipeline.files.validation.toml_file import parse_toml
 from kinemimic.pipeline.kinematics.rotations import from_matrix, rotate
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.camera import Camera

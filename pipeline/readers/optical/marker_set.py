@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from kinemimic.pipeline.files.records import RecordError, convert
 from kinemimic.pipeline.files.sidecars import stem_of
-from kinemimic.pipeline.files.toml_file import parse_toml
+from kinemimic.pipeline.files.validation.records import RecordError, convert
+from kinemimic.pipeline.files.validation.toml_file import parse_toml
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.marker_names import canonical_labels
 

@@ -30,7 +30,8 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 SIDE = Range((0.0, -60.0, 0.0), (0.0, 60.0, 0.0))
 PULL = Scenario("pull", seconds=1.5, loads=(Load("torso", Range.of(0.5), Range.of(0.3), force=SIDE),))

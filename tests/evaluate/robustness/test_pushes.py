@@ -42,7 +42,8 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import resolve
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 IDLE = constant()
 

@@ -9,9 +9,9 @@ import pytest
 from samples.motion import rigid_walk
 
 from kinemimic.evaluate.scoring.gait_command import gait
-from kinemimic.evaluate.scoring.gait_page import cell, gait_page, notes
-from kinemimic.evaluate.scoring.gait_report import gait_report
-from kinemimic.evaluate.scoring.gait_subjects import captured, strike_phases
+from kinemimic.evaluate.scoring.metrics.gait_report import gait_report
+from kinemimic.evaluate.scoring.metrics.gait_subjects import captured, strike_phases
+from kinemimic.evaluate.scoring.reports.gait_page import cell, gait_page, notes
 from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import read_truth

@@ -19,7 +19,7 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.orientation.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton
 
 RAW = Path(__file__).parents[3] / "datasets" / "versions" / "raw"

@@ -17,7 +17,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.files import tables
 from kinemimic.pipeline.files.store import (
     atomic,
     content_hash,
@@ -30,6 +29,7 @@ from kinemimic.pipeline.files.store import (
     write_json,
     write_text,
 )
+from kinemimic.pipeline.files.validation import tables
 from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import Skeleton

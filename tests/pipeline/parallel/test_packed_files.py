@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
 from kinemimic.pipeline.parallel import packed_files as module
 from kinemimic.pipeline.parallel.packed_files import read_files, read_folder, write_files
 

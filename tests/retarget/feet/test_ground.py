@@ -9,7 +9,7 @@ import pytest
 
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, _follow, in_phase_window

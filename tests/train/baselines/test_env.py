@@ -16,7 +16,8 @@ from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS, ImitationBatch
+from kinemimic.train.task.env import ACTIONS, ImitationBatch
+from kinemimic.train.task.observation import OBSERVATIONS
 
 FIGURES = 3
 CONFIG = replace(PRESETS["ddpg"], num_envs=FIGURES, env=replace(PRESETS["ddpg"].env, episode=5))

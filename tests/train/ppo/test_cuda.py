@@ -11,7 +11,8 @@ import torch
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.sampler import Samples
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that PyTorch can use")
 

@@ -16,7 +16,9 @@ from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.networks import Normalizer
 from kinemimic.train.ppo.ppo import PpoAlgorithm, adapt_penalty, adapt_rate
 from kinemimic.train.rollout.sampler import Samples
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.runner.base import normalized_loss
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS
 
 
 def column(*values: float) -> np.ndarray:
@@ -144,6 +146,14 @@ def test_the_critic_learns_what_is_there_to_learn() -> None:
     for _ in range(5):
         last = algorithm.update(samples)["value/loss"]
     assert last < 0.2 * first
+
+
+def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None:
+    """At least what their variance leaves unexplained: an error that is everywhere the same counts too."""
+    logged = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2)).update(followed(3, 4))
+    assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
+    assert normalized_loss(3.0, 2.0) == 1.5
+    assert normalized_loss(0.0, 0.0) == 0.0
 
 
 def test_an_update_adds_its_observations_to_the_normaliser() -> None:

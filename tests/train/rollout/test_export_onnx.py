@@ -29,7 +29,8 @@ from kinemimic.train.rollout.export_onnx import IR, OPSET, metadata, onnx_model,
 from kinemimic.train.rollout.network import normalized
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import BodyStates
-from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch, observation_size
+from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
+from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import layout
 
 CONFIG = replace(PRESETS["default"], env=replace(PRESETS["default"].env, preview=(1, 3, 10)))

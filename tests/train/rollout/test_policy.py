@@ -17,7 +17,8 @@ from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy, read_record
-from kinemimic.train.task.env import ACTIONS, OBSERVATIONS, observation_size
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import OBSERVATIONS, observation_size
 
 POLICIES = Path(__file__).parents[3] / "datasets/policies"
 RECORD: dict[str, object] = {"config": PRESETS["default"].to_json(), "provenance": {}, "mirrored": True}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.records import convert
+from kinemimic.pipeline.files.validation.records import convert
 from kinemimic.train.scenario.scenario import Range, Scenario
 from kinemimic.train.scenario.scenario_file import MAX_BYTES, read_scenario, scenario, shipped_scenarios
 

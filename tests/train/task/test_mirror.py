@@ -16,7 +16,7 @@ from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, Poses
 from kinemimic.train.task.domain_randomization import RandomizationSample
-from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch, observation_size
+from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 from kinemimic.train.task.mirror import (
     AXIS,
     COUNTERPARTS,
@@ -27,6 +27,7 @@ from kinemimic.train.task.mirror import (
     Mirror,
     asymmetry,
 )
+from kinemimic.train.task.observation import observation_size
 
 
 class Held:

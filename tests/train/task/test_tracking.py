@@ -17,8 +17,9 @@ from kinemimic.train.reference.reference import Reference
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import BodyStates
-from kinemimic.train.task.env import ACTIONS, ImitationBatch, observation_size
+from kinemimic.train.task.env import ACTIONS, ImitationBatch
 from kinemimic.train.task.mirror import left_foot_behind
+from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import layout, observation_limits
 
 CONFIG = EnvConfig(preview=(1, 4), tracking=Tracking(max_body_error=0.3), mirror=False)

@@ -12,7 +12,7 @@ from samples import source_of
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
-from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.rules import (

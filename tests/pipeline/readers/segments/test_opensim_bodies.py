@@ -16,7 +16,7 @@ from samples.motion import rigid_walk
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.orientation.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
