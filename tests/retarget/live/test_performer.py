@@ -15,7 +15,7 @@ from kinemimic.pipeline.live.frame import frame_of
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.humanoid.surface import lowest_points
-from kinemimic.retarget.live.performer import FADE_TIME, Performed, Performer, standing
+from kinemimic.retarget.live.performer import FADE_TIME, NOISE_TIME, Performed, Performer, standing
 
 RATE = 30.0
 WALKER = walker(seconds=4.0, rate=30.0)
@@ -83,6 +83,25 @@ def test_a_treadmill_that_starts_is_followed_at_once() -> None:
     assert began < 0.1
     # The walker's stiff feet roll over their corners as no foot does.
     assert np.isclose((later - began) / 2.0, WALKER.speed / WALKER.size, rtol=0.2)
+
+
+def test_noise_is_what_a_walk_shows_whose_bones_change() -> None:
+    """It fades in over NOISE_TIME; of a precise capture there is none."""
+    assert all(one.noise == 0.0 for _, one in performed()[1])
+    capture, performer = LiveCapture(step=1.0 / RATE), Performer(RATE)
+    # Bones change as a depth sensor's do, slowly enough for the filter to keep it.
+    knees = [N["knee_left"], N["knee_right"]]
+    positions = CLIP.positions.copy()
+    positions[:, knees, 2] += 0.04 * np.sin(2.0 * np.pi * TIMES / 0.7)[:, None]
+    frames = list[Performed]()
+    for k in range(len(TIMES)):
+        capture.take(frame_of(TIMES[k], positions[k]))
+        frames.append(performer.perform(capture.advance()))
+    noise = np.array([one.noise for one in frames])
+    followed = np.cumsum([one.presence >= 1.0 for one in frames]) / RATE
+    assert noise[followed == 0.0].max() == 0.0
+    assert np.all(noise <= np.minimum(1.0, followed / NOISE_TIME) + 1e-9)
+    assert np.allclose(noise[followed > NOISE_TIME], 1.0)
 
 
 def test_the_lowest_part_is_on_the_ground() -> None:
