@@ -76,7 +76,7 @@ library: setup ## Collect the motions of all captures in CAPTURE= in a motion li
 tracker: setup ## Train one policy for any motion on the library LIBRARY= into RUN= (hours; FROM= BUDGET= MINUTES= SEED= ENGINE= DEVICE=cuda)
 	$(KINEMIMIC) train-tracker "$(LIBRARY)" --out "$(RUN)" $(TRAINING) $(if $(DEVICE),--device "$(DEVICE)")
 
-predictor: setup ## Learn from the library LIBRARY= how a motion goes on, into RUN= (minutes; SEED=)
+predictor: setup ## Learn from the library LIBRARY= how a motion goes on, and what is noise, into RUN= (minutes; SEED=)
 	$(KINEMIMIC) train-predictor "$(LIBRARY)" --out "$(RUN)" $(if $(SEED),--seed $(SEED))
 
 formats: setup ## List the capture formats that can be read

@@ -76,7 +76,7 @@ class LiveSettings(Struct, frozen=True):
 
     lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
     humanoid onto its reference when a person appears, instead of letting it start from standing; denoise:
-    remove the noise of a depth sensor's walk.
+    remove a depth sensor's noise from walking.
     """
 
     lag: Annotated[float, Meta(ge=0.0, le=1.0)] = LAG

@@ -87,7 +87,7 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
               help="When a person appears, put the humanoid onto its reference, or let it start from where "
                    "it stands.")  # fmt: skip
 @click.option("--denoise/--no-denoise", default=True, show_default=True,
-              help="Remove the noise of a depth sensor's walk: steadier, but farther from the "
+              help="Remove a depth sensor's noise from walking: steadier, but farther from the "
                    "capture.")  # fmt: skip
 @click.option("--page/--no-page", "with_page", default=True, show_default=True, help="Serve the page.")
 @click.option("--port", type=_PORT, default=DEFAULT_PAGE, show_default=True, help="Port of the page.")

@@ -28,7 +28,7 @@ BOTH = 0.03
 FLIGHT = {True: 0.05, False: 0.10}
 MAX_FLIGHT = 0.6  # m
 USUAL = 20.0  # percentile of the lower ankle's height: the ground
-RECENT = 0.4  # s in which the weight of a frame of the window falls by 1/e
+RECENT = 0.4  # s from the moment at which the weight of a frame has fallen to 1/e
 SLIDE_TIME = 0.5  # s over which the slide of the feet is averaged
 _SMOOTHING = 0.04  # s
 MAX_SPEED = 8.0  # m/s
@@ -70,7 +70,8 @@ class LivePath:
         return Step(velocity, float(height))
 
     def _averaged(self, slide: Array, window: PoseWindow, recorded: Array) -> Array:
-        """The slide (2,) of the last moments if the hips stay in place while the feet walk, else none."""
+        """The slide (2,) of the last moments if the hips stay in place over the window, compared with the way
+        that the feet go, else none."""
         hips = _along(recorded[:, None], window.heading).mean(axis=(0, 1))
         in_place = float(np.linalg.norm(hips)) < IN_PLACE * float(np.linalg.norm(hips - slide))
         found = slide if in_place else np.zeros(2)

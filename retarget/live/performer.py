@@ -19,7 +19,7 @@ from kinemimic.retarget.live.pose import LivePose, mixed
 
 FADE_TIME = 0.5  # s between standing and the person
 PATIENCE = 0.3  # s for which the last pose is held before the person counts as lost
-NOISE_TIME = 1.0  # s of walking after which noise can be told from it
+NOISE_TIME = 1.0  # s of walking after which noise can be told from it, and is removed
 STANDING_KNEE = 0.1  # rad: straight knees would lock
 
 
@@ -38,7 +38,7 @@ class Performed:
     """A moment of the reference.
 
     root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); appeared: a
-    person appears at this frame; noise: 0 (precise, or no steps) to 1 (a depth sensor's walk).
+    person appears at this frame; noise: 0 (precise, or no steps) to 1 (a walk seen by a depth sensor).
     """
 
     root: Array
@@ -58,7 +58,8 @@ class Performer:
         self.people = self.lost = 0
         self._rate = rate
         self._presence = 0.0
-        self._absent, self._followed = float("inf"), 0.0
+        self._absent = float("inf")
+        self._walked = self._noise = 0.0  # s of a noisy walk; share of noise in the newest frame
         self._rotations = standing()
         self._velocity, self._height = np.zeros(2), float(_standing_height(standing()))
         self._place = np.zeros(2)
@@ -103,9 +104,12 @@ class Performer:
             rotations = mixed(still, self._rotations, share)
             height = _standing_height(rotations)
             height += share * (self._height - _standing_height(self._rotations))
-        self._followed = self._followed + 1.0 / self._rate if share >= 1.0 else 0.0
-        noise = min(1.0, self._followed / NOISE_TIME) * (1.0 - self.pose.reliability.pelvis)
-        return Performed(np.append(self._place, height), rotations, share, appeared, noise)
+        # What is not reliable is measured in standing, and neutral in a walk.
+        pelvis = self.pose.reliability.pelvis if share >= 1.0 else 1.0
+        self._walked = self._walked + 1.0 / self._rate if pelvis < 1.0 else 0.0
+        noise = min(1.0, self._walked / NOISE_TIME) * (1.0 - pelvis)
+        self._noise = max(noise, self._noise - change)
+        return Performed(np.append(self._place, height), rotations, share, appeared, self._noise)
 
 
 def _yaw_of(q: Array) -> float:

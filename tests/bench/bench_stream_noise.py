@@ -1,9 +1,9 @@
 """Live captures of depth sensors, followed with and without denoising.
 
-Walks of a Kinect v1 and of other sensors through `stream`, with restarts: a humanoid that has fallen lies for
-two seconds and is put back onto its reference. For each: the share of the time in which it stands, and its
-falls a minute, while the person is followed. Then walks of the virtual Kinect, whose truth is known: RMSE of
-knee and hip of the live reference in degrees, joints that `stream` has captured and without their noise.
+Walks of Kinects v1 through `stream`, with restarts: a humanoid that has fallen lies for two seconds and is
+put back onto its reference. For each: the share of the time in which it stands, and its falls a minute, while
+the person is followed. Then walks of the virtual Kinect, whose truth is known: RMSE of knee and hip of the
+live reference in degrees. The first number of every pair is denoised.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from kinemimic.evaluate.simulate.frame import Frame, LiveSettings
 from kinemimic.evaluate.simulate.recording import begin_live_session
 from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
@@ -65,6 +66,8 @@ def follow(path: Path, denoise: bool, engine: str) -> list[Frame]:
 def row(path: Path, denoise: bool, engine: str) -> tuple[float, float]:
     """Share of the time upright, and falls a minute."""
     fallen = np.array([one.fallen for one in follow(path, denoise, engine)])
+    if not len(fallen):
+        raise KinemimicError(f"{path}: nobody was followed")
     falls = np.count_nonzero(np.diff(fallen.astype(int), prepend=0) > 0)
     return float(np.mean(~fallen)), 60.0 * CONTROL_RATE * falls / len(fallen)
 

@@ -126,6 +126,14 @@ def in_place(clip: Clip) -> Clip:
     return replace(clip, positions=clip.positions - back)
 
 
+def changing_bones(clip: Clip) -> Clip:
+    """The clip as of a depth sensor: knees go up and down by 4 cm, slowly enough for filters to keep it."""
+    positions = clip.positions.copy()
+    times = clip.times - clip.times[0]
+    positions[:, [N["knee_left"], N["knee_right"]], 2] += 0.04 * np.sin(2.0 * np.pi * times / 0.7)[:, None]
+    return replace(clip, positions=positions)
+
+
 def backward(clip: Clip) -> Clip:
     """The clip in reversed time, without the file's rotations."""
     return replace(

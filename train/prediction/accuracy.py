@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from kinemimic.train.prediction.noise import with_sensor_noise
 from kinemimic.train.prediction.predictor import Predictor
 from kinemimic.train.sim.world import CONTROL_RATE
 
-AFTER = (0, 1, 3, 6, 12)  # frames after the newest
+AFTER = (1, 3, 6, 12)  # frames after the newest
 MOMENTS = 2000
 
 # Seconds ahead -> joint -> degrees.
@@ -27,9 +27,9 @@ def accuracy(
 ) -> dict[str, Errors]:
     """RMSE of knees and hips in degrees, on moments of these motions (M,), after AFTER frames.
 
-    "predicted", and two controls: "held", the newest pose goes on; "steady", its joints keep their speed. Of
-    the same moments through the noise of a sensor: "restored", and the control "noisy", the newest pose as
-    captured goes on.
+    "predicted", and two controls: "held", the newest pose goes on; "steady", its joints keep their speed.
+    Through the noise of a sensor, at other moments, and for the newest frame too: "denoised", and the control
+    "noisy", the newest pose as captured goes on.
     """
     found: dict[str, list[Array]] = {name: [] for name in ("predicted", "held", "steady")}
     random = np.random.default_rng(seed)
@@ -43,14 +43,18 @@ def accuracy(
         found["predicted"].append(_knees_and_hips(predicted) - coming)
         found["held"].append(newest - coming)
         found["steady"].append(newest + ahead * (newest - angles[:, NOW - 2 : NOW - 1]) - coming)
-    found |= {"restored": [], "noisy": []}
+    found |= {"denoised": [], "noisy": []}
     for root, rotations in windows(library, motions, MOMENTS, random, NOISY_NOW):
         coming = _knees_and_hips(rotations[:, NOISY_NOW - 1 :])
         captured = with_sensor_noise(root[:, :NOISY_NOW], rotations[:, :NOISY_NOW], random)
-        restored = np.array([predictor.restored(*one)[1] for one in zip(*captured, strict=True)])
-        found["restored"].append(_knees_and_hips(restored) - coming)
+        denoised = np.array([predictor.denoised(*one)[1] for one in zip(*captured, strict=True)])
+        found["denoised"].append(_knees_and_hips(denoised) - coming)
         found["noisy"].append(_knees_and_hips(captured[1][:, -1:]) - coming)
-    return {name: _by_time(np.concatenate(errors)) for name, errors in found.items()}
+    through_noise = ("denoised", "noisy")
+    return {
+        name: _by_time(np.concatenate(errors), (0, *AFTER) if name in through_noise else AFTER)
+        for name, errors in found.items()
+    }
 
 
 def _knees_and_hips(rotations: Array) -> Array:
@@ -60,12 +64,12 @@ def _knees_and_hips(rotations: Array) -> Array:
     return np.moveaxis(np.array(pairs), (0, 1), (-2, -1))
 
 
-def _by_time(errors: Array) -> Errors:
-    """Of errors (N, 1 + FUTURE, 2, 2), rad."""
+def _by_time(errors: Array, after: Sequence[int]) -> Errors:
+    """Of errors (N, 1 + FUTURE, 2, 2), rad, after so many frames."""
     rms = np.degrees(np.sqrt(np.mean(errors**2, axis=(0, -1))))
     return {
         f"{frames / CONTROL_RATE:.2f}": {
             joint: round(float(rms[frames, k]), 2) for k, joint in enumerate(("knee", "hip"))
         }
-        for frames in AFTER
+        for frames in after
     }

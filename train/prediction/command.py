@@ -1,4 +1,4 @@
-"""`kinemimic train-predictor`: learn from a motion library how a motion goes on."""
+"""`kinemimic train-predictor`: learn how a motion goes on, and what it is without a sensor's noise."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from kinemimic.train.prediction.fit import (
     DENOISING,
     NOISY_NOW,
     PREDICTION,
-    Fit,
+    Hyperparameters,
     fit,
     moments,
     noisy_moments,
@@ -53,13 +53,14 @@ def train_predictor(source: Path, out: Path, *, count: int = MOMENTS, seed: int 
     splits = {split: usable(library, library.select(split), NOISY_NOW) for split in ("train", "test")}
     if not len(splits["train"]):
         raise KinemimicError(
-            f"{source}: expected loops, or motions of two seconds, in the split `train`, found none"
+            f"{source}: expected loops, or motions of 1.5 s, in the split `train`, found none"
         )
     torch.set_num_threads(THREADS)
     with locked(out):
         predictor = Predictor(_prediction(library, count, seed), _denoising(library, count, seed))
         inputs, config = {"library": identity}, {
-            "moments": count, "prediction": asdict(PREDICTION), "denoising": asdict(DENOISING),
+            "moments": count, "prediction": asdict(PREDICTION),
+            "noisy_moments": _noisy(count), "denoising": asdict(DENOISING),
         }  # fmt: skip
         record = {
             "seed": seed,
@@ -86,13 +87,17 @@ def _denoising(library: MotionLibrary, count: int, seed: int) -> Regression:
     motions, random = usable(library, library.select("train"), NOISY_NOW), np.random.default_rng(seed)
     # What is no gait has no strides over which noise could average out.
     loops = motions[[library.entries[index].cyclic for index in motions]]
-    noisy = max(1, round(NOISY_SHARE * count))
-    batches = windows(library, loops if len(loops) else motions, noisy, random, NOISY_NOW)
-    return _learned("denoising", (noisy_moments(*one, random) for one in batches), noisy, DENOISING, seed)
+    count = _noisy(count)
+    batches = windows(library, loops if len(loops) else motions, count, random, NOISY_NOW)
+    return _learned("denoising", (noisy_moments(*one, random) for one in batches), count, DENOISING, seed)
+
+
+def _noisy(count: int) -> int:
+    return max(1, round(NOISY_SHARE * count))
 
 
 def _learned(
-    name: str, batches: Iterable[tuple[Floats, Floats]], count: int, how: Fit, seed: int
+    name: str, batches: Iterable[tuple[Floats, Floats]], count: int, how: Hyperparameters, seed: int
 ) -> Regression:
     """Fit to `count` moments, which come in batches."""
     parts = []
@@ -114,9 +119,10 @@ def _learned(
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @json_option("Print predictor.json.")
 def command(library: Path, out: Path, count: int, seed: int, as_json: bool) -> None:
-    """Learn from the split `train` of LIBRARY (see `kinemimic library`) how a motion goes on for 0.4 s.
+    """Learn from the split `train` of LIBRARY (see `kinemimic library`) how a motion goes on for 0.4 s, and
+    what it is without a sensor's noise.
 
-    `kinemimic stream` predicts with the one in datasets/predictor what the tracker looks ahead to.
+    `kinemimic stream` predicts with the networks in datasets/predictor what the tracker looks ahead to.
 
     \b
       kinemimic library recordings/ --out runs/library --test 07 --variants 5000
@@ -135,9 +141,12 @@ def command(library: Path, out: Path, count: int, seed: int, as_json: bool) -> N
 
 def table(errors: dict[str, Errors]) -> list[str]:
     """Lines of a table: a row for the predictor and each control, columns by seconds ahead."""
-    ahead = list(errors["predicted"])
+    ahead = list(errors["denoised"])
     lines = [f"{'':10}" + "".join(f"{f'after {seconds} s':>16}" for seconds in ahead)]
     for name, by_time in errors.items():
-        cells = (f"{one['knee']:.1f}, {one['hip']:.1f}" for one in by_time.values())
+        cells = (
+            f"{by_time[seconds]['knee']:.1f}, {by_time[seconds]['hip']:.1f}" if seconds in by_time else ""
+            for seconds in ahead
+        )
         lines.append(f"{name:10}" + "".join(f"{cell:>16}" for cell in cells))
     return lines

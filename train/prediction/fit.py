@@ -19,8 +19,8 @@ from kinemimic.train.prediction.moments import (
     NOISY_PAST,
     PAST,
     changes,
+    corrections,
     observed,
-    restorations,
 )
 from kinemimic.train.prediction.noise import with_sensor_noise
 from kinemimic.train.prediction.regression import Regression
@@ -28,7 +28,7 @@ from kinemimic.train.rollout.network import normalized
 from kinemimic.train.sim.world import CONTROL_RATE
 
 BATCH = 512
-RATE = 1e-3  # Adam's learning rate at the start; it falls to 0 as a half cosine
+LEARNING_RATE = 1e-3  # Adam's at the start; it falls to 0 as a half cosine
 # A recorded second weighs as much as so many variants: they have people's own irregularities.
 RECORDED = 3.0
 STILL = 0.03  # of the moments
@@ -38,7 +38,7 @@ _CHUNK = 8192
 
 
 @dataclass(frozen=True)
-class Fit:
+class Hyperparameters:
     """hidden: units; ridge: of the linear map that training starts from; jitter: standard deviation of noise
     on the normalised observations, since live poses are less smooth than a library's."""
 
@@ -48,8 +48,8 @@ class Fit:
     jitter: float
 
 
-PREDICTION = Fit((384, 192), 12, 1e-4, 0.02)
-DENOISING = Fit((512, 256), 10, 1e-3, 0.0)
+PREDICTION = Hyperparameters((384, 192), 12, 1e-4, 0.02)
+DENOISING = Hyperparameters((512, 256), 10, 1e-3, 0.0)
 
 
 def usable(library: MotionLibrary, motions: NDArray[np.intp], now: int = NOW) -> NDArray[np.intp]:
@@ -106,14 +106,18 @@ def noisy_moments(root: Array, rotations: Array, random: np.random.Generator) ->
     (N, (1 + FUTURE) * CHANGES), of `windows` with NOISY_NOW."""
     noisy_root, noisy = with_sensor_noise(root[:, :NOISY_NOW], rotations[:, :NOISY_NOW], random)
     seen = observed(noisy_root, noisy, NOISY_PAST)
-    true = restorations(
+    true = corrections(
         root[:, NOISY_NOW - 2 :], rotations[:, NOISY_NOW - 1 :], noisy_root[:, -1], noisy[:, -1]
     )
     return seen.astype(np.float32), true.reshape(len(true), -1).astype(np.float32)
 
 
 def fit(
-    seen: Floats, coming: Floats, how: Fit, seed: int, advance: Callable[[int], object] = lambda _: None
+    seen: Floats,
+    coming: Floats,
+    how: Hyperparameters,
+    seed: int,
+    advance: Callable[[int], object] = lambda _: None,
 ) -> Regression:
     """A network (tanh units) beside a linear map that minimise the squared error of `coming`, each
     number in units of its standard deviation. advance: is told how many moments were used.
@@ -132,7 +136,7 @@ def fit(
     torch.nn.init.zeros_(layers[2].weight)
     penalty = how.ridge * len(x) * torch.eye(x.shape[1])
     linear = torch.nn.Parameter(torch.linalg.solve(x.T @ x + penalty, x.T @ y).T)
-    optimizer = torch.optim.Adam([*net.parameters(), linear], RATE)
+    optimizer = torch.optim.Adam([*net.parameters(), linear], LEARNING_RATE)
     steps = how.epochs * math.ceil(len(x) / BATCH)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     for _ in range(how.epochs):

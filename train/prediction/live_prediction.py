@@ -16,7 +16,7 @@ GAIN = 0.35
 
 
 @dataclass(frozen=True)
-class _Course:
+class _Trajectory:
     """steps: (F, 2) m over the ground to each frame from the one before; heights: (F,) m; rotations:
     (F, 20, 4)."""
 
@@ -30,7 +30,7 @@ class LivePrediction:
 
     def __init__(self, predictor: Predictor) -> None:
         self._predictor = predictor
-        self._course: _Course | None = None
+        self._trajectory: _Trajectory | None = None
 
     def __call__(self, root: Array, rotations: Array, noise: float) -> tuple[Array, Array]:
         """The newest frame and the next, root (1 + FUTURE, 3) and rotations (1 + FUTURE, 20, 4).
@@ -38,20 +38,22 @@ class LivePrediction:
         root, rotations: (F, 3), (F, 20, 4), the frames until now; noise: 0, the capture is precise and its
         newest frame stays as it is, to 1, all is without noise.
         """
-        came = self._predictor.continued(root, rotations)
         if noise <= 0.0:
-            self._course = None
-            return came
-        clean = self._corrected(root[-2], *self._predictor.restored(root, rotations))
+            self._trajectory = None
+            return self._predictor.continued(root, rotations)
+        clean = self._filtered(root[-2], *self._predictor.denoised(root, rotations))
+        if noise >= 1.0:
+            return clean
+        came = self._predictor.continued(root, rotations)
         return (1.0 - noise) * came[0] + noise * clean[0], mixed(came[1], clean[1], noise)
 
-    def _corrected(self, before: Array, root: Array, rotations: Array) -> tuple[Array, Array]:
-        """The course that was predicted one frame ago, corrected by the one from now; before: (3,) m."""
+    def _filtered(self, before: Array, root: Array, rotations: Array) -> tuple[Array, Array]:
+        """The trajectory that was predicted one frame ago, corrected by the one from now; before: (3,) m."""
         steps = np.diff(root[:, :2], axis=0, prepend=before[None, :2])
         heights, rotations = root[:, 2].copy(), rotations.copy()
-        if (then := self._course) is not None:
+        if (then := self._trajectory) is not None:
             steps[:-1] = (1.0 - GAIN) * then.steps[1:] + GAIN * steps[:-1]
             heights[:-1] = (1.0 - GAIN) * then.heights[1:] + GAIN * heights[:-1]
             rotations[:-1] = mixed(then.rotations[1:], rotations[:-1], GAIN)
-        self._course = _Course(steps, heights, rotations)
+        self._trajectory = _Trajectory(steps, heights, rotations)
         return np.column_stack([before[:2] + np.cumsum(steps, axis=0), heights]), rotations

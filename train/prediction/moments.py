@@ -76,7 +76,7 @@ def changed(newest_root: Array, newest_rotations: Array, change: Array) -> tuple
     return root, rotations
 
 
-def restorations(root: Array, rotations: Array, noisy_root: Array, noisy: Array) -> Array:
+def corrections(root: Array, rotations: Array, noisy_root: Array, noisy: Array) -> Array:
     """Changes (..., 1 + F, CHANGES) that turn the newest frame of a noisy motion into the true one, and into
     those after it.
 
@@ -92,8 +92,8 @@ def restorations(root: Array, rotations: Array, noisy_root: Array, noisy: Array)
     return found
 
 
-def restored(noisy_root: Array, noisy: Array, change: Array) -> tuple[Array, Array]:
-    """The frames (1 + F, 3), (1 + F, 20, 4) of `restorations` (1 + F, CHANGES).
+def corrected(noisy_root: Array, noisy: Array, change: Array) -> tuple[Array, Array]:
+    """The frames (1 + F, 3), (1 + F, 20, 4) of `corrections` (1 + F, CHANGES).
 
     noisy_root: (2, 3) of the frame before the newest, and of the newest; noisy: (20, 4) of the newest.
     """

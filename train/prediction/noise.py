@@ -22,7 +22,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.train.prediction.moments import heading
 from kinemimic.train.sim.world import CONTROL_RATE
 
-STRENGTH = (0.6, 2.5)  # factor on all that follows
+STRENGTH = (0.6, 2.5)  # factor on what wanders, and at most 1 on what stays
 # Standard deviations about X, Y, Z in degrees: of what wanders, and of what stays.
 WANDERS = {
     "hip_center": (1.5, 1.5, 4.0),

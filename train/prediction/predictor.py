@@ -20,9 +20,9 @@ from kinemimic.train.prediction.moments import (
     NOISY_PAST,
     PAST,
     changed,
+    corrected,
     observations,
     observed,
-    restored,
 )
 from kinemimic.train.prediction.regression import Regression
 from kinemimic.train.rollout.network import read_tensors
@@ -56,14 +56,14 @@ class Predictor:
         next_root, next_rotations = changed(root[-1], rotations[-1], change.reshape(FUTURE, CHANGES))
         return np.concatenate([root[-1:], next_root]), np.concatenate([rotations[-1:], next_rotations])
 
-    def restored(self, root: Array, rotations: Array) -> tuple[Array, Array]:
+    def denoised(self, root: Array, rotations: Array) -> tuple[Array, Array]:
         """As `continued`, of a noisy motion, whose newest frame is corrected too.
 
         F is more than the largest of NOISY_PAST. The path goes on from the frame before the newest.
         """
         seen = observed(root[None], rotations[None], NOISY_PAST)
         change = self.denoising.values(seen)[0].astype(np.float64)
-        return restored(root[-2:], rotations[-1], change.reshape(1 + FUTURE, CHANGES))
+        return corrected(root[-2:], rotations[-1], change.reshape(1 + FUTURE, CHANGES))
 
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
         """Write `path` (.safetensors), and beside it (.json) how the predictor was made."""

@@ -70,7 +70,7 @@ class LiveReference(Reference):
         roots, turns = (np.array(column) for column in zip(*self._captured, strict=True))
         root, rotations = self._predict(roots, turns, noise)
         # Where noise has moved the path, it stays: from there on, its steps count.
-        root[:, :2] += self._followed[-1][0][:2] - roots[-2, :2]
+        root = root + np.append(self._followed[-1][0][:2] - roots[-2, :2], 0.0)
         self._followed.append((root[0], rotations[0]))
         followed, turned = (np.array(column) for column in zip(*self._followed, strict=True))
         return _Stretch(

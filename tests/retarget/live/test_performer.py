@@ -6,8 +6,10 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from samples.walker import walker
+from samples.walker import changing_bones, in_place, joined, walker
+from samples.walker import standing as held
 
+from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.live.capture import LiveCapture
@@ -23,18 +25,23 @@ CLIP = WALKER.clip
 TIMES = CLIP.times - CLIP.times[0]
 
 
-@cache
-def performed(seconds: float | None = None) -> tuple[Performer, list[tuple[float, Performed]]]:
-    """Moments' times and the reference's frames, until a time."""
+def follow(clip: Clip) -> tuple[Performer, list[tuple[float, Performed]]]:
+    """Moments' times and the reference's frames while a clip comes in."""
     capture, performer = LiveCapture(step=1.0 / RATE), Performer(RATE)
+    times = clip.times - clip.times[0]
     out, k = list[tuple[float, Performed]](), 0
-    for n in range(int((seconds or TIMES[-1]) * RATE)):
-        while k < len(TIMES) and TIMES[k] <= n / RATE + 1e-9:
-            capture.take(frame_of(TIMES[k], CLIP.positions[k]))
+    for n in range(int(times[-1] * RATE)):
+        while k < len(times) and times[k] <= n / RATE + 1e-9:
+            capture.take(frame_of(times[k], clip.positions[k]))
             k += 1
         moment = capture.advance()
         out.append((np.nan if moment is None else moment.time, performer.perform(moment)))
     return performer, out
+
+
+@cache
+def performed() -> tuple[Performer, list[tuple[float, Performed]]]:
+    return follow(CLIP)
 
 
 def test_knees_and_hips_are_the_walkers() -> None:
@@ -61,24 +68,9 @@ def test_the_body_goes_as_far_as_the_person_at_its_size() -> None:
 
 
 def test_a_treadmill_that_starts_is_followed_at_once() -> None:
-    # The person stands for two seconds; then the hips stay where they are and the feet walk.
-    hips = CLIP.positions[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
-    walking = CLIP.positions.copy()
-    walking[..., :2] -= hips[:, None]
-    still = 2.0
-    capture, performer = LiveCapture(step=1.0 / RATE), Performer(RATE)
-    way, k = list[tuple[float, float]](), 0
-    times = np.concatenate([np.arange(0.0, still, 1.0 / RATE), still + TIMES])
-    positions = np.concatenate([np.repeat(walking[:1], len(times) - len(TIMES), axis=0), walking])
-    for n in range(int(times[-1] * RATE)):
-        while k < len(times) and times[k] <= n / RATE + 1e-9:
-            capture.take(frame_of(times[k], positions[k]))
-            k += 1
-        moment = capture.advance()
-        one = performer.perform(moment)
-        if moment is not None:
-            way.append((moment.time, float(np.hypot(*one.root[:2]))))
-    at, gone = np.array(way).T
+    still, walking = 2.0, in_place(CLIP)
+    _, frames = follow(joined(held(walking, still), walking))
+    at, gone = np.array([(at, np.hypot(*one.root[:2])) for at, one in frames if np.isfinite(at)]).T
     began, later = np.interp([still, still + 2.0], at, gone)
     assert began < 0.1
     # The walker's stiff feet roll over their corners as no foot does.
@@ -86,22 +78,17 @@ def test_a_treadmill_that_starts_is_followed_at_once() -> None:
 
 
 def test_noise_is_what_a_walk_shows_whose_bones_change() -> None:
-    """It fades in over NOISE_TIME; of a precise capture there is none."""
+    """It comes in over NOISE_TIME and goes in FADE_TIME; of a precise capture there is none."""
     assert all(one.noise == 0.0 for _, one in performed()[1])
-    capture, performer = LiveCapture(step=1.0 / RATE), Performer(RATE)
-    # Bones change as a depth sensor's do, slowly enough for the filter to keep it.
-    knees = [N["knee_left"], N["knee_right"]]
-    positions = CLIP.positions.copy()
-    positions[:, knees, 2] += 0.04 * np.sin(2.0 * np.pi * TIMES / 0.7)[:, None]
-    frames = list[Performed]()
-    for k in range(len(TIMES)):
-        capture.take(frame_of(TIMES[k], positions[k]))
-        frames.append(performer.perform(capture.advance()))
-    noise = np.array([one.noise for one in frames])
-    followed = np.cumsum([one.presence >= 1.0 for one in frames]) / RATE
+    performer, frames = follow(changing_bones(CLIP))
+    noise = np.array([one.noise for _, one in frames])
+    followed = np.cumsum([one.presence >= 1.0 for _, one in frames]) / RATE
     assert noise[followed == 0.0].max() == 0.0
     assert np.all(noise <= np.minimum(1.0, followed / NOISE_TIME) + 1e-9)
     assert np.allclose(noise[followed > NOISE_TIME], 1.0)
+    lost = np.array([performer.perform(None).noise for _ in range(round(2.0 * RATE))])
+    assert np.diff(lost, prepend=1.0).min() > -1.1 / (FADE_TIME * RATE)
+    assert lost[-1] == 0.0
 
 
 def test_the_lowest_part_is_on_the_ground() -> None:
@@ -113,7 +100,7 @@ def test_the_lowest_part_is_on_the_ground() -> None:
 
 
 def test_nobody_is_a_person_who_stands() -> None:
-    performer, frames = performed(1.5)
+    performer, frames = follow(walker(seconds=1.6, rate=RATE).clip)
     assert performer.people == 1
     after = [performer.perform(None) for _ in range(round((FADE_TIME + 1.0) * RATE))]
     assert performer.lost == 1

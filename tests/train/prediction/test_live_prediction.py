@@ -1,4 +1,4 @@
-"""A precise capture goes through as it came; a noisy one loses most of its noise."""
+"""A precise capture goes through as it came; a noisy one loses a good part of its noise."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Alternating:
     def continued(self, root: Array, rotations: Array) -> tuple[Array, Array]:
         return np.repeat(root[-1:], 1 + FUTURE, axis=0), np.repeat(rotations[-1:], 1 + FUTURE, axis=0)
 
-    def restored(self, root: Array, rotations: Array) -> tuple[Array, Array]:
+    def denoised(self, root: Array, rotations: Array) -> tuple[Array, Array]:
         turned = np.repeat(rotations[-1:], 1 + FUTURE, axis=0)
         knee = from_axis_angle("Y", np.full(1 + FUTURE, self.bend * (self.calls % 2)))
         turned[:, N["knee_left"]] = multiply(turned[:, N["knee_left"]], knee)

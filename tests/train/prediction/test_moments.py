@@ -15,10 +15,10 @@ from kinemimic.train.prediction.moments import (
     PAST,
     changed,
     changes,
+    corrected,
+    corrections,
     observations,
     observed,
-    restorations,
-    restored,
 )
 from kinemimic.train.reference.live_reference import AHEAD, KNOWN, MEMORY
 
@@ -69,9 +69,9 @@ def test_a_restoration_undoes_noise(motion: Motion, turn: float) -> None:
     there = turned(motion, turn)
     true_root, true = there.root[4 : 6 + FUTURE], there.rotations[5 : 6 + FUTURE]
     noisy_root, noisy = motion.root[[20, 21]] + [0.2, -0.1, 0.03], motion.rotations[21]
-    change = restorations(true_root, true, noisy_root[1], noisy)
+    change = corrections(true_root, true, noisy_root[1], noisy)
     assert change.shape == (1 + FUTURE, CHANGES)
-    root, rotations = restored(noisy_root, noisy, change)
+    root, rotations = corrected(noisy_root, noisy, change)
     assert angle_between(rotations, true).max() < 1e-7
     assert np.allclose(root[:, 2], true_root[1:, 2], atol=1e-12)
     place = noisy_root[0, :2] - true_root[0, :2]

@@ -48,6 +48,7 @@ def test_it_beats_both_controls(made: Path) -> None:
         predicted = errors["predicted"][seconds][joint]
         assert predicted < 0.5 * errors["held"][seconds][joint]
         assert predicted < 0.5 * errors["steady"][seconds][joint]
+        assert errors["denoised"][seconds][joint] < 0.8 * errors["noisy"][seconds][joint]
 
 
 def test_the_same_seed_gives_the_same_bytes(library: Path, made: Path, tmp_path: Path) -> None:
