@@ -24,6 +24,7 @@ from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option
 
 DEFAULT_PORT = 8090
+MAX_HUMANOIDS = 100
 REPLAY = "session.rrd"
 
 
@@ -58,9 +59,11 @@ def simulate(
     port: int = DEFAULT_PORT,
     seconds: float | None = None,
     restart: bool = True,
+    humanoids: int = 1,
 ) -> None:
     """Serve the page of a run's policy on its motion until Ctrl-C, or for `seconds` of real time.
 
+    humanoids: how many perform it, from phases that are evenly spread.
     It listens on 127.0.0.1 alone; the next free port is taken if `port` is not free.
     """
     # Import cost, and viser may not be installed.
@@ -82,7 +85,9 @@ def simulate(
         return Performance(folder, policy, performs, speed if faster else 1.0)
 
     def opened(chosen: Performance) -> Session:
-        return begin_session(chosen.run, engine, restart=restart, speed=chosen.speed, named=scenario)
+        return begin_session(
+            chosen.run, engine, restart=restart, speed=chosen.speed, companions=humanoids - 1, named=scenario
+        )
 
     choices = Choices(
         repertoire.policies, tuple(repertoire.motions), shipped_scenarios(), repertoire.own, repertoire.own,
@@ -120,6 +125,8 @@ def require_viser() -> None:
 @click.option("--seconds", type=FiniteRange(min=0.1), help="End after this time.")
 @click.option("--restart/--no-restart", default=True, show_default=True,
               help="2 s after a fall, put the humanoid back onto its reference.")  # fmt: skip
+@click.option("--humanoids", type=click.IntRange(1, MAX_HUMANOIDS), default=1, show_default=True,
+              help="Perform it this many times at once, from other phases; pushes act on all.")  # fmt: skip
 @click.option("--replay", "is_recording", is_flag=True,
               help="Simulate a recorded session again: --run is its folder.")  # fmt: skip
 @engine_option
@@ -129,6 +136,7 @@ def command(
     port: int,
     seconds: float | None,
     restart: bool,
+    humanoids: int,
     is_recording: bool,
     engine: str,
     as_json: bool,
@@ -141,6 +149,7 @@ def command(
 
     \b
       kinemimic simulate --policy walk
+      kinemimic simulate --policy walk --humanoids 20
       kinemimic simulate --run runs/walk
       kinemimic simulate --replay --run runs/walk/simulate/session-1
     """
@@ -155,7 +164,7 @@ def command(
         echo(f"{run / REPLAY} ({how_to_open(run / REPLAY)})")
         return
     require_viser()
-    simulate(run, engine=engine, port=port, seconds=seconds, restart=restart)
+    simulate(run, engine=engine, port=port, seconds=seconds, restart=restart, humanoids=humanoids)
 
 
 def _words(found: Mapping[str, Any]) -> str:

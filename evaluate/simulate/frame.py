@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from msgspec import Meta, Struct
+from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.live.capture import LAG
@@ -27,7 +29,7 @@ class Frame:
     obstacles: with their states now (K, 13); numbers: of the obstacles, no two in a session have the same;
     rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion
     by name, of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart;
-    shown: what a live capture shows.
+    shown: what a live capture shows; companions: of a session that has some.
     """
 
     step: int
@@ -50,6 +52,16 @@ class Frame:
     terms: dict[str, float]
     fallen: bool
     shown: LiveView | None = None
+    companions: Companions | None = None
+
+
+@dataclass(frozen=True)
+class Companions:
+    """N more humanoids: positions (N, 15, 3), m, and rotations (N, 15, 4) of their bodies; fallen: (N,)."""
+
+    positions: Array
+    rotations: Array
+    fallen: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 from msgspec import Meta, Struct
 
+from kinemimic.evaluate.simulate.companions import AccompaniedSession
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Score
 from kinemimic.evaluate.simulate.inputs import Input, decoded
 from kinemimic.evaluate.simulate.live_session import LiveSession
@@ -66,13 +67,23 @@ class _Line(Struct):
 
 
 def begin_session(
-    run: Path, engine: str, *, restart: bool = True, speed: float = 1.0, named: Callable[[str], Scenario]
+    run: Path,
+    engine: str,
+    *,
+    restart: bool = True,
+    speed: float = 1.0,
+    companions: int = 0,
+    named: Callable[[str], Scenario],
 ) -> Session:
     """A session with a run's policy on its motion; raises KinemimicError as `load_trained` does."""
     motion, policy, record = load_trained(run)
     if speed != 1.0:
         motion = replace(motion, rate=motion.rate * speed)
     env = TrainConfig.from_json(record["config"]).measured_env
+    if companions:
+        return AccompaniedSession(
+            motion, policy, env, engine, companions, restart=restart, scenario_named=named
+        )
     return Session(motion, policy, env, engine, restart=restart, scenario_named=named)
 
 

@@ -107,9 +107,7 @@ class Session:
 
     def _actions(self) -> Array:
         """Actions (1, 42) for the observation."""
-        if self.policy is None:
-            return np.zeros((1, ACTIONS))
-        return self.policy.act(self._observation).astype(np.float64)
+        return policy_actions(self.policy, self._observation)
 
     def _enter(self, scenario: Scenario | None, number: int) -> None:
         """Begin a trial of a scenario, the one that `view` shows, or go on without one."""
@@ -318,6 +316,13 @@ class Session:
     def close(self) -> None:
         """Free the engine."""
         self._batch.world.close()
+
+
+def policy_actions(policy: Policy | None, observations: Array) -> Array:
+    """Actions (E, 42) for observations (E, O): without a policy, no corrections of the reference."""
+    if policy is None:
+        return np.zeros((len(observations), ACTIONS))
+    return policy.act(observations).astype(np.float64)
 
 
 def _require_places(scenario: Scenario | None, reference: Reference, phase: float, seed: int) -> None:

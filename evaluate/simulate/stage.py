@@ -24,7 +24,7 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import all_finite
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, Body
 from kinemimic.train.sim.world import BodyStates, Obstacle
 
 FOLLOWED = "/followed"
@@ -65,6 +65,7 @@ class Stage:
         self._clean = self._skeleton("clean", _BLUE)
         self._latency = scene.add_label(f"{FOLLOWED}/latency", "", visible=False)
         self._obstacles: dict[_Look, Any] = {}  # nodes
+        self._companions: list[Any] = []  # nodes of the bodies, each of all companions
         self._fallen = False
 
     def _humanoid(self, name: str, kind: int, opacity: float | None) -> list[Any]:
@@ -139,6 +140,7 @@ class Stage:
                 for body, node in zip(BODIES, self.bodies, strict=True):
                     node.color = _FELL if frame.fallen else _color(SIMULATED, body.name)
             self._draw_obstacles(frame)
+            self._draw_companions(frame)
             self._draw_capture(frame)
 
     def _draw_capture(self, frame: Frame) -> None:
@@ -156,6 +158,33 @@ class Stage:
         self._latency.visible = not shown.starved
         self._latency.text = f"{1000.0 * shown.latency:.0f} ms"
         self._latency.position = (place[0], place[1] + BESIDE, 2.0)
+
+    def _draw_companions(self, frame: Frame) -> None:
+        shown = frame.companions
+        for node in self._companions:
+            if node.visible != (shown is not None):
+                node.visible = shown is not None
+        if shown is None:
+            return
+        if not self._companions:
+            self._companions = [self._instances(body, len(shown.fallen)) for body in BODIES]
+        root = frame.bodies.positions[0]
+        for index, (body, node) in enumerate(zip(BODIES, self._companions, strict=True)):
+            # As in `_point`.
+            node.position = tuple(root)
+            node.batched_positions = (shown.positions[:, index] - root).astype(np.float32)
+            node.batched_wxyzs = shown.rotations[:, index][:, [3, 0, 1, 2]].astype(np.float32)
+            colors = np.where(shown.fallen[:, None], _FELL, _color(SIMULATED, body.name)).astype(np.uint8)
+            if (node.batched_colors != colors).any():
+                node.batched_colors = colors
+
+    def _instances(self, body: Body, count: int) -> Any:
+        mesh = _mesh(body.shape, body.size)
+        return self._server.scene.add_batched_meshes_simple(
+            f"{FOLLOWED}/companions/{body.name}", mesh.vertices, mesh.faces,
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), batched_positions=np.zeros((count, 3)),
+            batched_colors=np.zeros((count, 3), dtype=np.uint8), lod="off", receive_shadow=False,
+        )  # fmt: skip
 
     def _draw_obstacles(self, frame: Frame) -> None:
         # With their looks, because another session counts from 0 again.

@@ -1,9 +1,11 @@
-"""The page of `simulate` in real time: steps on time, frames at the browser, pointer to force, many figures.
+"""The page of `simulate` in real time: steps on time, frames at the browser, pointer to force.
 
 One process, on the first core, simulates and serves; a headless chromium, on the others, looks and drags the
 humanoid's chest up and down. Its software rendering is slower than a screen's, so frames are counted as they
 arrive. The time of a drag runs from the event of the pointer in the browser to the end of the control step
 that has its force. In the same process without a page, it runs from the input to the end of that step.
+
+Then the same for a minute with twenty humanoids on the page, and control steps of many without a page.
 
 Arguments: minutes (10 by default).
 """
@@ -26,6 +28,7 @@ import torch
 
 from kinemimic.evaluate.policies.shipped import ShippedPolicies
 from kinemimic.evaluate.simulate.clock import Clock
+from kinemimic.evaluate.simulate.companions import AccompaniedSession
 from kinemimic.evaluate.simulate.controls import Choices
 from kinemimic.evaluate.simulate.inputs import Drag
 from kinemimic.evaluate.simulate.loop import Loop, Performance
@@ -40,7 +43,8 @@ from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
 
 POLICY = "walk"
-FIGURES = (1, 10, 20, 40, 80)
+HUMANOIDS = (1, 10, 20, 40, 80)
+ON_PAGE = 20
 JUMP = 0.02  # m by which the pointer's height changes between two moves, at least
 MOVES = 400
 SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
@@ -69,19 +73,25 @@ class Watched(Session):
         return frame
 
 
-def watched(run: Path) -> Watched:
+class WatchedGroup(Watched, AccompaniedSession):
+    """Such a session of several humanoids."""
+
+
+def watched(run: Path, humanoids: int = 1) -> Watched:
     motion, policy, record = load_trained(run)
     env = TrainConfig.from_json(record["config"]).measured_env
-    return Watched(motion, policy, env, resolve("auto"), restart=True, scenario_named=scenario)
+    if humanoids == 1:
+        return Watched(motion, policy, env, resolve("auto"), scenario_named=scenario)
+    return WatchedGroup(motion, policy, env, resolve("auto"), humanoids - 1, scenario_named=scenario)
 
 
-def serve(pipe: Connection, run: Path, seconds: float, core: int) -> None:
+def serve(pipe: Connection, run: Path, seconds: float, core: int, humanoids: int) -> None:
     """Simulate and serve on one core; sends the address, then beats, late ones, forces, seconds used."""
     os.sched_setaffinity(0, {core})
     torch.set_num_threads(1)
     clock = Clock(CONTROL_RATE)
     page = Page(18_093, "bench", Choices((POLICY,), (POLICY,), (), POLICY, POLICY))
-    session = watched(run)
+    session = watched(run, humanoids)
     forces = session.watch()
     loop = Loop(
         Performance(run, POLICY, POLICY), page, clock, engine=resolve("auto"), open_session=lambda _: session,
@@ -132,11 +142,11 @@ def look(pipe: Connection, seconds: float) -> tuple[list[float], list[float]]:
     return frames, moves
 
 
-def over_the_page(run: Path, seconds: float) -> None:
+def over_the_page(run: Path, seconds: float, humanoids: int) -> None:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     cores = sorted(os.sched_getaffinity(0))
-    server = context.Process(target=serve, args=(theirs, run, seconds, cores[0]))
+    server = context.Process(target=serve, args=(theirs, run, seconds, cores[0], humanoids))
     server.start()
     os.sched_setaffinity(0, cores[1:] or cores)
     begun = time.time()
@@ -145,6 +155,7 @@ def over_the_page(run: Path, seconds: float) -> None:
     server.join()
     os.sched_setaffinity(0, cores)
     whole = np.histogram(frames, np.arange(begun + 10.0, begun + seconds - 1.0))[0]
+    print(f"humanoids on the page: {humanoids}")
     print(f"{beats} control steps in {seconds:.0f} s, {100.0 * (1 - late / beats):.2f} % on time; "
           f"{1000.0 * used / beats:.1f} ms of the core each")  # fmt: skip
     print(f"frames at the browser: median {np.median(whole):.0f} a second, least {whole.min()}")
@@ -165,11 +176,11 @@ def in_process(run: Path, steps: int = 600) -> None:
     print(f"input to the end of its control step, without a page: {_percentiles(np.array(delays))}")
 
 
-def figures(run: Path, steps: int = 150) -> None:
-    """Milliseconds of a control step, policy included, of several figures on one core."""
+def on_one_core(run: Path, steps: int = 150) -> None:
+    """Milliseconds of a control step, policy included, of several humanoids on one core."""
     motion, policy, record = load_trained(run)
     env = TrainConfig.from_json(record["config"]).measured_env
-    for size in FIGURES:
+    for size in HUMANOIDS:
         batch = ImitationBatch(open_world(size, resolve("auto"), threads=1), Reference(motion), env)
         batch.reset(np.arange(size), np.arange(size) / size)
         took = []
@@ -178,7 +189,7 @@ def figures(run: Path, steps: int = 150) -> None:
             batch.step(policy.act(batch.observe()).astype(np.float64))
             took.append(1000.0 * (time.perf_counter() - begun))
         batch.world.close()
-        print(f"{size} figures on one core: {_percentiles(np.array(took))} a control step of 33.3 ms")
+        print(f"{size} humanoids on one core: {_percentiles(np.array(took))} a control step of 33.3 ms")
 
 
 def _percentiles(found: np.ndarray[Any, Any]) -> str:
@@ -195,10 +206,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / POLICY
         ShippedPolicies().prepare(POLICY, run)
-        over_the_page(run, 60.0 * minutes)
+        over_the_page(run, 60.0 * minutes, 1)
+        over_the_page(run, 60.0, ON_PAGE)
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
         in_process(run)
-        figures(run)
+        on_one_core(run)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.page import Page
 
 
@@ -51,6 +52,17 @@ class Panel:
     def callbacks(self) -> list[Callable[..., Any]]:
         """What viser calls when any of the inputs changes."""
         return [one for handle in self.inputs().values() for one in handle._impl.update_cb]
+
+    def draw(self, frame: Frame) -> None:
+        """Draw a frame, without its numbers and curves."""
+        self.page._stage.draw(frame)
+
+    def companions(self) -> Any:
+        """Positions (N, 15, 3) of the bodies of the companions that are seen, None if nobody is."""
+        nodes = self.page._stage._companions
+        if not any(node.visible for node in nodes):
+            return None
+        return np.stack([node.batched_positions + node.position for node in nodes], axis=1)
 
     def handled_messages(self) -> set[str]:
         """Names of the browser's messages that viser handles."""

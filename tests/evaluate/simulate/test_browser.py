@@ -249,3 +249,19 @@ def test_policy_scenario_and_speed_change_while_it_runs(look: Callable[..., Watc
     one.press("Resume")
     one.sees("upright")
     assert one.errors == []
+
+
+def test_a_push_acts_on_twenty_humanoids(browser: Any, tmp_path: Path) -> None:
+    run = tmp_path / "walk"
+    arguments = ("--policy", "walk", "--run", str(run), "--humanoids", "20", "--port", "18092")
+    with served("simulate", *arguments) as address:
+        page = Watched(browser, f"{address}&fixedDpr=0.5")
+        page.sees("20 of 20 humanoids have not fallen since the last push")
+        page.open("Push")
+        page.sets("Force, N", 500)
+        page.tab.get_by_label("Increase gradually").uncheck()
+        page.press("Left")
+        page.sees("0 of 20 humanoids have not fallen since the last push")
+        assert page.hosts <= {"127.0.0.1"}
+        assert page.errors == []
+        page.tab.context.close()

@@ -6,6 +6,7 @@ import inspect
 import socket
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,9 +17,11 @@ from peers.panel import Panel
 from kinemimic.evaluate.simulate.controls import Choices
 from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING
 from kinemimic.evaluate.simulate.guard import HOST, free_port
-from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
+from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Push, Release
 from kinemimic.evaluate.simulate.page import Page
+from kinemimic.evaluate.simulate.recording import begin_session
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.scenario.scenario_file import scenario
 
 pytest.importorskip("viser")
 HOLDER, OTHER = 1, 2
@@ -128,6 +131,18 @@ def test_viewers_see_who_has_the_controls(panel: Panel) -> None:
     panel.leave(OTHER)
     assert (panel.holder, panel.note(HOLDER)) == (HOLDER, "")
     assert [type(one) for one in panel.waiting()] == [Release, Release]
+
+
+def test_companions_are_drawn_and_disappear_in_a_scenario(panel: Panel, walk_run: Path) -> None:
+    session = begin_session(walk_run, "pybullet", companions=3, named=scenario)
+    frame = session.advance()
+    panel.draw(frame)
+    assert frame.companions is not None
+    np.testing.assert_allclose(panel.companions(), frame.companions.positions, atol=1e-5)
+    session.apply(Enter("thrown-ball"))
+    panel.draw(session.advance())
+    assert panel.companions() is None
+    session.close()
 
 
 def test_buttons_say_what_a_click_does_and_curves_begin_again(panel: Panel) -> None:
