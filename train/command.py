@@ -23,9 +23,11 @@ from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.config.presets import preset
+from kinemimic.train.learning_control.corrector import Corrector, correction_samples
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
+from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
@@ -141,6 +143,7 @@ def _train(
         config = replace(config, budget=budget, max_budget=0)
     if config.budget < 1:
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
+    config, reserved = _with_learning_control(config, motion)
     if config.baseline is not None:
         require_package()
         if not where.shares_disk:
@@ -156,7 +159,7 @@ def _train(
     if initial is not None:
         assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
         algorithm.begin_from(initial)
-    training = TrainingState(algorithm)
+    training = TrainingState(algorithm, reserved=reserved)
     saved = run / CHECKPOINT
     advice = "delete it or train with --no-resume"
     resumed = (
@@ -174,8 +177,12 @@ def _train(
     imitated = Imitated.of_motion(motion, config.env)
     policy = PolicyFile(run, training, imitated, engine, resumed=resumed)
     if not is_complete(training, seconds):
-        with _runner(algorithm, motion, engine, count, where, timer, imitated.phases) as runner:
-            TrainingLoop(training, runner, imitated, saved, timer, seconds, policy).run(run / CURVES)
+        with (
+            _runner(algorithm, motion, engine, count, where, timer, imitated.phases) as runner,
+            _corrector(motion, config, engine, min(count, local_cores())) as corrector,
+        ):
+            loop = TrainingLoop(training, runner, imitated, saved, timer, seconds, policy, corrector)
+            loop.run(run / CURVES)
     return policy.write(finished=True)
 
 
@@ -185,6 +192,33 @@ def _start(name: str, preset_name: str, seed: int) -> tuple[Policy, TrainConfig]
     policy, record = load_tracker(path)
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
     return policy, from_tracker(preset_name, settings, file_hash(path), seed)
+
+
+def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainConfig, int]:
+    """The configuration and the samples of a correction; without learning control where it does not apply.
+
+    It does not on a motion that does not repeat itself, in a scenario, and if two corrections and a round
+    exceed the budget.
+    """
+    if config.learning_control is None:
+        return config, 0
+    samples = correction_samples(Reference(motion), config.learning_control)
+    if not motion.cyclic or config.env.scenario or config.budget < 2 * samples + config.batch:
+        return replace(config, learning_control=None), 0
+    return config, samples
+
+
+@contextmanager
+def _corrector(motion: Motion, config: TrainConfig, engine: str, threads: int) -> Iterator[Corrector | None]:
+    """None without learning control in the configuration."""
+    if config.learning_control is None:
+        yield None
+        return
+    corrector = Corrector(motion, config, engine, threads)
+    try:
+        yield corrector
+    finally:
+        corrector.close()
 
 
 def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:

@@ -13,6 +13,7 @@ import numpy as np
 from kinemimic.pipeline.files.validation.records import RecordError, Steps, convert
 from kinemimic.train.config.baseline_config import Activation, Baseline, require_counts
 from kinemimic.train.config.env_config import LATER_LIMITS, LATER_RANGES, EnvConfig, RewardConfig
+from kinemimic.train.config.learning_control import LearningControl
 
 # A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
 Schedule = tuple[tuple[int, float], ...]
@@ -39,7 +40,8 @@ class TrainConfig:
     reward; strength: of domain randomization, 0 to 1; body_error: metres. entropy: weight of the entropy;
     entropy_decay: its factor per round. budget: samples in total; max_budget: as long as no evaluation walks,
     training goes on to these, 0 to end at the budget. start: SHA-256 of the policy from which
-    training starts, "" for random weights. Schedules are points (samples, value), linear in between.
+    training starts, "" for random weights. learning_control: before the first round and after the last, None
+    for none. Schedules are points (samples, value), linear in between.
 
     RecordError (a ValueError) for a count below 1, if `horizon` is not a multiple of the baseline's steps,
     and for a schedule without points or with points out of order.
@@ -80,6 +82,7 @@ class TrainConfig:
     seed: int = 0
     baseline: Baseline | None = None
     start: str = ""
+    learning_control: LearningControl | None = None
 
     def __post_init__(self) -> None:
         require_counts(self, "num_envs", "horizon", "minibatch", "epochs")
@@ -136,8 +139,9 @@ class TrainConfig:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
         # The JSON stays as before these were introduced where it does without them.
-        if self.baseline is None:
-            del value["baseline"]
+        for key in ("baseline", "learning_control"):
+            if getattr(self, key) is None:
+                del value[key]
         if not self.start:
             del value["start"]
         if not self.body_error:
@@ -164,7 +168,8 @@ class TrainConfig:
         """
         if isinstance(value, dict):
             env = value.get("env")
-            value = {"baseline": None, "start": "", "body_error": [], "max_budget": 0, **value}
+            later = {"start": "", "body_error": [], "max_budget": 0, "learning_control": None}
+            value = {"baseline": None, **later, **value}
             if isinstance(env, dict):
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
                 if isinstance(env["tracking"], dict):

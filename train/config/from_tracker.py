@@ -11,22 +11,25 @@ from dataclasses import replace
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import OBSERVATION_CLIP, DomainRandomization
+from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.config.presets import PRESETS
 
 # Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
 POLISH, ROBUST_POLISH = "polish", "robust-polish"
 NAMES: Mapping[str, str] = {"default": POLISH, "robust": ROBUST_POLISH}
 TRAIN_OPTIONS: Mapping[str, str] = {POLISH: "--from tracker", ROBUST_POLISH: "--from tracker --preset robust"}
-BUDGETS: Mapping[str, int] = {POLISH: 200_000, ROBUST_POLISH: 9_500_000}
+BUDGETS: Mapping[str, int] = {POLISH: 280_000, ROBUST_POLISH: 9_500_000}
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 
 
 def polish(tracker: TrainConfig) -> TrainConfig:
     """Follow the joints of this motion more closely.
 
-    No domain randomization; episodes end where a walker has left its path. The pose counts much from the
-    start. Rounds are half as long as in `default`, and each may change the policy four times as much: it
-    stays upright already, and has few rounds. Where the tracker fell, it may need more of them.
+    On a cyclic motion, training begins with learning control, repeats it after a while and at the end, and
+    ends as soon as the policy fits. No domain randomization; episodes end where a walker has left its path.
+    The pose counts much from the start. Rounds are half as long as in `default`, and each may change the
+    policy four times as much: it stays upright already, and has few rounds. Where the tracker fell, it may
+    need more of them.
     """
     return TrainConfig(
         preset=POLISH,
@@ -34,10 +37,11 @@ def polish(tracker: TrainConfig) -> TrainConfig:
         hidden=tracker.hidden,
         horizon=32,
         kl_target=0.4,
-        action_std=((0, 0.08), (180_000, 0.03)),
-        scales={"pose": ((0, 64.0), (180_000, 128.0))},
+        action_std=((25_000, 0.08), (125_000, 0.03), (160_000, 0.06), (250_000, 0.03)),
+        scales={"pose": ((25_000, 64.0), (125_000, 128.0))},
         budget=BUDGETS[POLISH],
         max_budget=MAX_POLISH,
+        learning_control=LearningControl(meanwhile=160_000),
     )
 
 

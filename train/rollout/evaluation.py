@@ -84,7 +84,8 @@ class Evaluation:
     episode; reward: mean of the episodes; robust_return: mean
     reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
     error as a share of its targets' variance, mean of the rounds since the last evaluation; completed: number
-    of the `episodes` without a fall, None in records of earlier versions.
+    of the `episodes` without a fall, None in records of earlier versions; corrected: whether it is of a
+    corrected policy (`train/learning_control`).
     """
 
     samples: int
@@ -100,6 +101,7 @@ class Evaluation:
     critic_loss: float | None = None
     completed: int | None = None
     episodes: int | None = None
+    corrected: bool = False
 
     @classmethod
     def of_episodes(
@@ -111,6 +113,7 @@ class Evaluation:
         seconds: float,
         strength: float,
         losses: Sequence[float] = (),
+        corrected: bool = False,
     ) -> Evaluation:
         """Summarise episodes, robust returns and the critic's losses."""
         # A tracker's episodes are as long as their motions.
@@ -129,6 +132,7 @@ class Evaluation:
             critic_loss=round(sum(losses) / len(losses), 6) if losses else None,
             completed=sum(episode.frames == episode.of for episode in episodes),
             episodes=len(episodes),
+            corrected=corrected,
         )
 
     @property
@@ -147,10 +151,25 @@ def is_due(before: int, after: int, interval: int) -> bool:
 
 
 def best(evaluations: Sequence[Evaluation]) -> Evaluation:
-    """The evaluation at the greatest strength with the best robust return, or reward; ties: the first."""
+    """The evaluation at the greatest strength with the best robust return, or reward; ties: the first.
+
+    The last one of a corrected policy, if there is one: it was kept because it was better (`is_better`).
+    """
+    for evaluation in reversed(evaluations):
+        if evaluation.corrected:
+            return evaluation
     return max(
         evaluations, key=lambda e: (e.strength, e.reward if e.robust_return is None else e.robust_return)
     )
+
+
+def is_better(corrected: Evaluation, evaluations: Sequence[Evaluation]) -> bool:
+    """Whether a corrected policy walks, and fits knee and hip better than the best of these evaluations."""
+    if not corrected.walks:
+        return False
+    if not evaluations or not (kept := best(evaluations)).walks:
+        return True
+    return corrected.knee + corrected.hip > kept.knee + kept.hip
 
 
 def first_walk(evaluations: Sequence[Evaluation]) -> Mapping[str, float] | None:

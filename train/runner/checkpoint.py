@@ -39,13 +39,15 @@ Arrays = dict[str, NDArray[Any]]
 class TrainingState:
     """The complete state of a training run between two rounds.
 
-    env_states: of the next round's start, None before the first one; best: policy of the best evaluation.
+    env_states: of the next round's start, None before the first one; best: policy of the best evaluation;
+    reserved: samples of the budget for the last correction.
     """
 
     algorithm: Algorithm
     env_states: EnvStates | None = None
     evaluations: list[Evaluation] = field(default_factory=list)
     best: Policy | None = None
+    reserved: int = 0
 
 
 def save(path: Path, training: TrainingState, motion: str) -> None:

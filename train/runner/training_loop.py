@@ -9,9 +9,11 @@ from torch.utils.tensorboard import SummaryWriter
 
 from kinemimic.pipeline.cli.progress import Bar, progress
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.parallel.interruption import deferred
+from kinemimic.pipeline.parallel.interruption import Interruption, deferred
 from kinemimic.train.config.config import scheduled_at
-from kinemimic.train.rollout.evaluation import Evaluation, best, is_due
+from kinemimic.train.learning_control.corrector import Corrector
+from kinemimic.train.rollout.evaluation import Evaluation, best, is_better, is_due
+from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
 from kinemimic.train.runner.checkpoint import TrainingState
@@ -21,29 +23,73 @@ from kinemimic.train.task.timer import Timer, summed
 CHECKPOINT_SECONDS = 30.0
 # Purposes of the time between rounds.
 EVALUATION = "evaluation"
+LEARNING_CONTROL = "learning control"
 SAVING = "checkpoint"
 
 
 def is_over(training: TrainingState, seconds: float | None) -> bool:
-    """Whether time or samples are spent: the budget if an evaluation walks, else the largest budget."""
-    state, config = training.algorithm.progress, training.algorithm.config
-    late = seconds is not None and sum(state.seconds_by.values()) >= seconds
-    if late or state.samples >= config.largest_budget:
+    """Whether the rounds have ended: a corrected policy fits, or time or samples are spent, the budget if an
+    evaluation walks, else the largest budget. A correction may follow."""
+    config, samples = training.algorithm.config, training.algorithm.progress.samples + training.reserved
+    if _is_late(training, seconds) or _fits(training) or samples >= config.largest_budget:
         return True
-    return state.samples >= config.budget and any(evaluation.walks for evaluation in training.evaluations)
+    return samples >= config.budget and any(evaluation.walks for evaluation in training.evaluations)
 
 
 def is_complete(training: TrainingState, seconds: float | None) -> bool:
-    """Whether the training has ended and its last policy was evaluated."""
+    """Whether the training has ended and its last policy was evaluated, or corrected."""
+    if not is_over(training, seconds) or awaits_correction(training, seconds):
+        return False
+    return bool(training.evaluations) and _is_seen(training)
+
+
+def awaits_correction(training: TrainingState, seconds: float | None) -> bool:
+    """Whether a correction is next: before the first round, between rounds, or after the last evaluation."""
+    state = training.algorithm.progress
+    if training.algorithm.config.learning_control is None or _is_late(training, seconds) or _fits(training):
+        return False
+    if not state.samples:
+        return True
+    if not _is_seen(training) or state.samples == state.corrected_at:
+        return False
+    return is_over(training, seconds) or _is_meanwhile(training)
+
+
+def _is_meanwhile(training: TrainingState) -> bool:
+    """Whether the samples have reached those of the correction between the rounds."""
+    settings, state = training.algorithm.config.learning_control, training.algorithm.progress
+    # Before it and after it there are rounds.
+    due = 0 if settings is None else settings.meanwhile - training.reserved
+    return state.corrected_at < due <= state.samples
+
+
+def _is_late(training: TrainingState, seconds: float | None) -> bool:
+    return seconds is not None and sum(training.algorithm.progress.seconds_by.values()) >= seconds
+
+
+def _fits(training: TrainingState) -> bool:
+    """Whether a corrected policy reaches the goal."""
+    settings = training.algorithm.config.learning_control
+    return settings is not None and any(
+        evaluation.corrected and min(evaluation.knee, evaluation.hip) >= settings.goal
+        for evaluation in training.evaluations
+    )
+
+
+def _is_seen(training: TrainingState) -> bool:
+    """Whether the policy of now was evaluated or corrected."""
     state, evaluations = training.algorithm.progress, training.evaluations
-    return is_over(training, seconds) and bool(evaluations) and evaluations[-1].samples == state.samples
+    if state.samples and state.samples == state.corrected_at:
+        return True
+    return bool(evaluations) and evaluations[-1].samples == state.samples
 
 
 class TrainingLoop:
     """One training with one runner, which shares the algorithm and the timer.
 
     imitated: what it imitates; path: of the checkpoint; seconds: of all calls together, after which it
-    stops; policy: is written after every evaluation and checkpoint.
+    stops; policy: is written after every evaluation and checkpoint; corrector: of a configuration with
+    learning control.
     """
 
     def __init__(
@@ -55,7 +101,9 @@ class TrainingLoop:
         timer: Timer,
         seconds: float | None,
         policy: PolicyFile,
+        corrector: Corrector | None = None,
     ) -> None:
+        self._corrector = corrector
         self._training, self._runner, self._imitated, self._path = training, runner, imitated, path
         self._timer, self._seconds, self._policy = timer, seconds, policy
         self._state = training.algorithm.progress
@@ -71,7 +119,7 @@ class TrainingLoop:
         """
         state = self._state
         # Curves logged after the checkpoint are logged again.
-        purge = state.samples + 1 if state.rounds else 0
+        purge = state.samples + 1 if state.samples else 0
         try:
             with (
                 deferred() as interruption,
@@ -81,12 +129,14 @@ class TrainingLoop:
                 if self._seconds is not None:
                     bar.ends_within(self._seconds - sum(state.seconds_by.values()))
                 self._runner.start(self._training.env_states)
-                self._correct(bar)
+                self._show_total(bar)
                 saved = time.monotonic()
                 while not (interruption.asked or is_complete(self._training, self._seconds)):
-                    if self._evaluation_is_due():
+                    if awaits_correction(self._training, self._seconds):
+                        self._correct(board, bar, interruption)
+                    elif self._evaluation_is_due():
                         self._evaluate(board)
-                        self._correct(bar)
+                        self._show_total(bar)
                     else:
                         self._round(board, bar)
                     # A due evaluation belongs in the checkpoint, so that its curves are logged once.
@@ -95,12 +145,12 @@ class TrainingLoop:
                     if late and not self._evaluation_is_due():
                         self._save(board)
                         saved = time.monotonic()
-                if state.rounds:
+                if state.samples:
                     self._save(board)
                 if interruption.asked:
                     raise KeyboardInterrupt(
                         f"training is saved at {state.samples:,} samples; the same command resumes it"
-                        if state.rounds
+                        if state.samples
                         else "training had not begun"
                     )
         except (FloatingPointError, OSError) as error:
@@ -109,9 +159,10 @@ class TrainingLoop:
             kept = f"the last {self._path} is kept" if self._path.exists() else "there is no checkpoint yet"
             raise KinemimicError(f"training stopped at {state.samples:,} samples: {found}; {kept}") from None
 
-    def _correct(self, bar: Bar) -> None:
+    def _show_total(self, bar: Bar) -> None:
         """Show how far training goes once it goes on beyond its budget."""
-        if self._state.samples >= self._config.budget and not is_over(self._training, self._seconds):
+        rest = self._config.budget - self._training.reserved
+        if self._state.samples >= rest and not is_over(self._training, self._seconds):
             bar.corrected(self._config.largest_budget)
 
     def _round(self, board: SummaryWriter, bar: Bar) -> None:
@@ -138,16 +189,39 @@ class TrainingLoop:
 
     def _evaluation_is_due(self) -> bool:
         """Also after an interruption between a round and its evaluation."""
-        samples, evaluations = self._state.samples, self._training.evaluations
-        if not samples or (evaluations and evaluations[-1].samples == samples):
+        samples = self._state.samples
+        if not samples or _is_seen(self._training):
             return False
-        before = samples - self._config.batch
+        before, rest = samples - self._config.batch, self._config.budget - self._training.reserved
         due = is_due(before, samples, self._runner.evaluation_interval)
-        return due or before < self._config.budget <= samples or is_over(self._training, self._seconds)
+        due |= before < rest <= samples or _is_meanwhile(self._training)
+        return due or is_over(self._training, self._seconds)
 
-    def _evaluate(self, board: SummaryWriter) -> None:
+    def _correct(self, board: SummaryWriter, bar: Bar, interruption: Interruption) -> None:
+        """Refine the policy of now, and keep the result if it is better; nothing changes if interrupted."""
+        assert self._corrector is not None  # noqa: S101 (the configuration has learning control)
+        taken = 0
+
+        def proceed(samples: int) -> bool:
+            nonlocal taken
+            taken += samples
+            bar.advance(samples)
+            return not interruption.asked
+
+        self._timer.lap(OTHER)
+        corrected = self._corrector.correct(self._training.algorithm.policy(), proceed)
+        if interruption.asked:
+            return
+        self._lap(LEARNING_CONTROL)
+        self._state.samples += taken
+        self._state.corrected_at = self._state.samples
+        if corrected is not None:
+            self._evaluate(board, corrected)
+
+    def _evaluate(self, board: SummaryWriter, corrected: Policy | None = None) -> None:
+        """Evaluate the policy of now, or a corrected one, and keep it if it is the best."""
         training, runner, samples = self._training, self._runner, self._state.samples
-        policy = training.algorithm.policy()
+        policy = corrected or training.algorithm.policy()
         # With the scales at the end of their schedules, so that early and late evaluations are comparable.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
         episodes = runner.run_episodes(policy, reward)
@@ -160,8 +234,11 @@ class TrainingLoop:
             seconds=sum(self._state.seconds_by.values()),
             strength=strength,
             losses=self._state.losses,
+            corrected=corrected is not None,
         )
         self._state.losses.clear()
+        if evaluation.corrected and not is_better(evaluation, training.evaluations):
+            return
         training.evaluations.append(evaluation)
         if best(training.evaluations) is evaluation:
             training.best = policy

@@ -194,9 +194,7 @@ class ImitationBatch:
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
         """One control step with actions (E, 42): corrections of the reference's joints as rotation vectors;
         in the second half of a mirrored cycle they are those of the mirror image (`mirror.py`)."""
-        if self._mirror is not None:
-            actions = np.array(actions, dtype=np.float64)
-            self._mirror.actions(actions, self._reflected)
+        actions = self.reflected(actions)
         at = self.phases[:, None] + _SUBSTEP_TIMES / np.reshape(self.reference.duration, (-1, 1))
         joints, velocities = self._targets(at)
         # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
@@ -258,6 +256,19 @@ class ImitationBatch:
         off = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
         turned = np.einsum("ei,ei->e", self._turns[:, 0], self._turns[:, 0])
         return np.asarray((off > height) | (turned > turn**2) | self._exploded)
+
+    @property
+    def turns(self) -> Array:
+        """(E, 15, 3) rotation vectors from the simulated pose to the target's (`reward.pose_turns`), rad."""
+        return self._turns
+
+    def reflected(self, actions: Array) -> Array:
+        """Actions (E, 42) as `step` takes them from a policy: reflected where the policy sees the mirror
+        image."""
+        actions = np.array(actions, dtype=np.float64)
+        if self._mirror is not None:
+            self._mirror.actions(actions, self._reflected)
+        return actions
 
     def observe(self) -> Array:
         """(E, O) of `observation.observe`, in the second half of a mirrored cycle reflected (`mirror.py`)."""

@@ -46,8 +46,10 @@ def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
     assert robust.env.tracking is not None
     assert polish.env.tracking is not None
     assert robust.env.tracking.max_body_error > polish.env.tracking.max_body_error
-    assert (polish.budget, polish.max_budget) == (200_000, 1_000_000)
+    assert (polish.budget, polish.max_budget) == (280_000, 1_000_000)
     assert robust.max_budget == 0
+    assert polish.learning_control is not None
+    assert robust.learning_control is None
     assert (polish.env.tracking.limit, polish.env.tracking.arm_limit) == (3.0, 1.0)
     assert (robust.env.tracking.limit, robust.env.tracking.arm_limit) == (8.0, 1.0)
     assert robust.env.max_height_error > polish.env.max_height_error
