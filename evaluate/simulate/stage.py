@@ -179,11 +179,13 @@ class Stage:
                 node.batched_colors = colors
 
     def _instances(self, body: Body, count: int) -> Any:
-        mesh = _mesh(body.shape, body.size)
+        # Coarse and without shadows: a browser without a graphics card draws all of them.
+        mesh = _mesh(body.shape, body.size, count=(6, 6))
         return self._server.scene.add_batched_meshes_simple(
             f"{FOLLOWED}/companions/{body.name}", mesh.vertices, mesh.faces,
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), batched_positions=np.zeros((count, 3)),
-            batched_colors=np.zeros((count, 3), dtype=np.uint8), lod="off", receive_shadow=False,
+            batched_colors=np.zeros((count, 3), dtype=np.uint8), lod="off",
+            cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
     def _draw_obstacles(self, frame: Frame) -> None:
@@ -263,13 +265,14 @@ def _place(nodes: Sequence[Any], bodies: BodyStates) -> None:
         node.position, node.wxyz = tuple(position), tuple(rotation[[3, 0, 1, 2]])
 
 
-def _mesh(shape: str, size: Sequence[float]) -> Any:
-    """A collision shape about its centre; an ellipsoid of Table 1 is simulated as a capsule."""
+def _mesh(shape: str, size: Sequence[float], count: tuple[int, int] = (12, 12)) -> Any:
+    """A collision shape about its centre; an ellipsoid of Table 1 is simulated as a capsule, with `count`
+    vertices around and along it."""
     if shape == "box":
         return trimesh.creation.box(extents=size)
     radius = 0.5 * size[0]
     height = max(size[2] - size[0], 1e-4)
-    mesh = trimesh.creation.capsule(height=height, radius=radius, count=(12, 12))
+    mesh = trimesh.creation.capsule(height=height, radius=radius, count=count)
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     return mesh
 

@@ -2,8 +2,9 @@
 
 One process, on the first core, simulates and serves; a headless chromium, on the others, looks and drags the
 humanoid's chest up and down. Its software rendering is slower than a screen's, so frames are counted as they
-arrive. The time of a drag runs from the event of the pointer in the browser to the end of the control step
-that has its force. In the same process without a page, it runs from the input to the end of that step.
+arrive, and with many humanoids it takes a part of the first core too. The time of a drag runs from the event
+of the pointer in the browser to the end of the control step that has its force. In the same process without a
+page, it runs from the input to the end of that step.
 
 Then the same for a minute with twenty humanoids on the page, and control steps of many without a page.
 
@@ -34,6 +35,7 @@ from kinemimic.evaluate.simulate.inputs import Drag
 from kinemimic.evaluate.simulate.loop import Loop, Performance
 from kinemimic.evaluate.simulate.page import Page
 from kinemimic.evaluate.simulate.session import Session
+from kinemimic.pipeline.parallel.worker import worker_environment
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import load_trained
@@ -147,7 +149,8 @@ def over_the_page(run: Path, seconds: float, humanoids: int) -> None:
     ours, theirs = context.Pipe()
     cores = sorted(os.sched_getaffinity(0))
     server = context.Process(target=serve, args=(theirs, run, seconds, cores[0], humanoids))
-    server.start()
+    with worker_environment():  # threads of a matrix product would wait for each other on one core
+        server.start()
     os.sched_setaffinity(0, cores[1:] or cores)
     begun = time.time()
     frames, moves = look(ours, seconds)
