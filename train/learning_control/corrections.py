@@ -50,7 +50,9 @@ def joint(name: str) -> int:
     return 3 * (BODY_INDEX[name] - 1) + _FLEXION
 
 
-_KNEES, _HIPS = ([joint(f"{part}_{side}") for side in _SIDES] for part in ("shin", "thigh"))
+_JOINTS = {
+    name: [joint(f"{body}_{side}") for side in _SIDES] for name, body in (("knee", "shin"), ("hip", "thigh"))
+}
 
 
 def steps_of_cycle(reference: Reference) -> int:
@@ -84,9 +86,6 @@ def learn_corrections(
         change = _damped(gains * errors.mean, settings.harmonics)
         table = np.clip(table + change, -settings.largest, settings.largest)
     return None if best is None else Corrections(best, samples)
-
-
-_JOINTS = {"knee": _KNEES, "hip": _HIPS}
 
 
 @dataclass(frozen=True)
