@@ -56,8 +56,9 @@ class AccompaniedSession(Session):
         self._others.begin(0.0, self._batch.target)
 
     @property
-    def _accompanied(self) -> bool:
-        return self._others is not None and self._batch.config.scenario is None
+    def _present(self) -> _Batch | None:
+        """The others, None in a scenario."""
+        return self._others if self._batch.config.scenario is None else None
 
     def _reset(self, phase: float) -> None:
         before = self._batch.target.positions[0, 0].copy()
@@ -75,22 +76,20 @@ class AccompaniedSession(Session):
         self._fell = False
 
     def advance(self) -> Frame:
-        if self._accompanied and self._others is not None:
-            self._others.advance(self._batch.target)
+        if (others := self._present) is not None:
+            others.advance(self._batch.target)
         frame = super().advance()
         self._fell |= frame.fallen
         return frame
 
     def _frame(self, drag: Array | None) -> Frame:
-        frame = super()._frame(drag)
-        if not self._accompanied or self._others is None:
-            return frame
-        return replace(frame, companions=self._others.shown())
+        frame, others = super()._frame(drag), self._present
+        return frame if others is None else replace(frame, companions=others.shown())
 
     def words(self) -> list[str]:
         lines = super().words()
-        if self._accompanied and self._others is not None:
-            fell = np.append(self._others.fell, self._fell)
+        if (others := self._present) is not None:
+            fell = np.append(others.fell, self._fell)
             lines.append(f"{np.sum(~fell)} of {len(fell)} humanoids have not fallen since the last push")
         return lines
 

@@ -198,7 +198,7 @@ class TrainingLoop:
         return due or is_over(self._training, self._seconds)
 
     def _correct(self, board: SummaryWriter, bar: Bar, interruption: Interruption) -> None:
-        """Refine the policy of now, and keep the result if it is better; nothing changes if interrupted."""
+        """Correct the policy of now, and keep the result if it is better; nothing changes if interrupted."""
         assert self._corrector is not None  # noqa: S101 (the configuration has learning control)
         taken = 0
 
