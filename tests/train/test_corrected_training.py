@@ -53,7 +53,7 @@ class Moves:
         if not proceed(self.samples):
             return None
         (weight, bias), *rest = policy.layers
-        return replace(policy, layers=[(weight, bias + np.float32(1.0)), *rest])
+        return replace(policy, layers=((weight, bias + np.float32(1.0)), *rest))
 
     def close(self) -> None:
         pass

@@ -42,7 +42,8 @@ class Corrections:
         index = np.floor(place).astype(np.int64)
         share = (place - index)[:, None]
         before, after = self.table[index % len(self.table)], self.table[(index + 1) % len(self.table)]
-        return ((1.0 - share) * before + share * after) / ACTION_SCALE
+        found: Array = ((1.0 - share) * before + share * after) / ACTION_SCALE
+        return found
 
 
 def joint(name: str) -> int:

@@ -16,7 +16,7 @@ from kinemimic.train.learning_control.corrections import (
     put_back,
     steps_of_cycle,
 )
-from kinemimic.train.rollout.network import normalized
+from kinemimic.train.rollout.network import Layers, normalized
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
@@ -43,9 +43,7 @@ def distilled(policy: Policy, corrections: Corrections, batch: ImitationBatch, s
     return replace(policy, layers=_fitted(policy, observations, actions, seed))
 
 
-def _fitted(
-    policy: Policy, observations: Floats, actions: Floats, seed: int
-) -> Sequence[tuple[Floats, Floats]]:
+def _fitted(policy: Policy, observations: Floats, actions: Floats, seed: int) -> Layers:
     """Layers that give the actions (N, 42) for raw observations (N, O), from those of the policy on."""
     x = torch.from_numpy(normalized(observations, policy.mean, policy.scale, policy.limit))
     y = torch.from_numpy(actions)
@@ -60,13 +58,15 @@ def _fitted(
     random = torch.Generator().manual_seed(seed)
     with torch.enable_grad():
         for _ in range(EPOCHS):
-            for rows in torch.randperm(len(x), generator=random).split(MINIBATCH):
+            order = torch.randperm(len(x), generator=random)
+            for first in range(0, len(x), MINIBATCH):
+                rows = order[first : first + MINIBATCH]
                 loss = (scale * (_forward(layers, x[rows]) - y[rows])).square().sum(dim=1).mean()
                 optimizer.zero_grad()
-                loss.backward()
+                torch.autograd.backward(loss)
                 optimizer.step()
                 schedule.step()
-    return [(weight.detach().numpy(), bias.detach().numpy()) for weight, bias in layers]
+    return tuple((weight.detach().numpy(), bias.detach().numpy()) for weight, bias in layers)
 
 
 def _forward(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor) -> Tensor:

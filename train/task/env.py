@@ -260,7 +260,8 @@ class ImitationBatch:
     @property
     def turns(self) -> Array:
         """(E, 15, 3) rotation vectors from the simulated pose to the target's (`reward.pose_turns`), rad."""
-        return self._turns
+        turns: Array = self._turns
+        return turns
 
     def reflected(self, actions: Array) -> Array:
         """Actions (E, 42) as `step` takes them from a policy: reflected where the policy sees the mirror
