@@ -149,8 +149,13 @@ def test_a_corrected_policy_that_falls_is_not_kept(run: Path, motion: Motion) ->
 @pytest.mark.parametrize("interrupted", [1, 2])
 def test_an_interrupted_correction_is_begun_again(run: Path, motion: Motion, interrupted: int) -> None:
     Moves.interrupts.add(interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        stage.train(run, config=config(motion), workers=1)
+    # A job that a shell put into the background has a SIGINT that is ignored.
+    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            stage.train(run, config=config(motion), workers=1)
+    finally:
+        signal.signal(signal.SIGINT, earlier)
     Moves.interrupts.clear()
     resumed = stage.train(run, config=config(motion), workers=1)
     weights = Policy.load(run / "policy.safetensors")[0].layers[0][0]
