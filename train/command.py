@@ -27,7 +27,6 @@ from kinemimic.train.learning_control.corrector import Corrector, correction_sam
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
-from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
@@ -202,7 +201,7 @@ def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainCo
     """
     if config.learning_control is None:
         return config, 0
-    samples = correction_samples(Reference(motion), config.learning_control)
+    samples = correction_samples(motion, config.learning_control)
     if not motion.cyclic or config.env.scenario or config.budget < 2 * samples + config.batch:
         return replace(config, learning_control=None), 0
     return config, samples

@@ -100,8 +100,7 @@ class AccompaniedSession(Session):
 
 
 class _Batch:
-    """The humanoids of a session's companions. fell: (N,) since the last push or
-    other input."""
+    """The humanoids of a session's companions. fell: (N,) since the last push or other input."""
 
     def __init__(
         self,

@@ -44,7 +44,7 @@ class Moves:
 
     def __init__(self, motion: Motion, config: TrainConfig, *_: Any) -> None:
         assert config.learning_control is not None
-        self.samples = correction_samples(stage.Reference(motion), config.learning_control)
+        self.samples = correction_samples(motion, config.learning_control)
 
     def correct(self, policy: Policy, proceed: Callable[[int], bool]) -> Policy | None:
         self.calls.append(float(policy.layers[0][1][0]))
@@ -77,7 +77,7 @@ def keep(monkeypatch: pytest.MonkeyPatch) -> None:
 def config(motion: Motion, rounds: int = 2, **options: Any) -> TrainConfig:
     """With this many rounds between two corrections."""
     assert SMALL.learning_control is not None
-    cost = correction_samples(stage.Reference(motion), SMALL.learning_control)
+    cost = correction_samples(motion, SMALL.learning_control)
     return replace(SMALL, budget=2 * cost + rounds * ROUND, **options)
 
 
@@ -119,7 +119,7 @@ def test_it_ends_where_a_corrected_policy_reaches_the_goal(run: Path, motion: Mo
 def test_it_is_also_corrected_between_the_rounds(run: Path, motion: Motion) -> None:
     settings = config(motion, rounds=4)
     assert settings.learning_control is not None
-    cost = correction_samples(stage.Reference(motion), settings.learning_control)
+    cost = correction_samples(motion, settings.learning_control)
     # The first correction, two rounds, the second one, and one more round: the last one takes its samples.
     meanwhile = replace(settings.learning_control, meanwhile=2 * cost + 2 * ROUND)
     settings = replace(settings, budget=3 * cost + 3 * ROUND, learning_control=meanwhile)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.humanoid.body import BODY_INDEX
-from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
@@ -56,9 +56,9 @@ _JOINTS = {
 }
 
 
-def steps_of_cycle(reference: Reference) -> int:
+def steps_of_cycle(motion: Motion | Reference) -> int:
     """Control steps of a cycle, rounded."""
-    return max(2, round(reference.duration * CONTROL_RATE))
+    return max(2, round(motion.duration * CONTROL_RATE))
 
 
 def learn_corrections(

@@ -15,14 +15,14 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import ImitationBatch
 
 
-def correction_samples(reference: Reference, settings: LearningControl) -> int:
+def correction_samples(motion: Motion, settings: LearningControl) -> int:
     """Control steps of one correction."""
     cycles = (settings.iterations + 1) * settings.cycles + CYCLES
-    return cycles * steps_of_cycle(reference) * settings.environments
+    return cycles * steps_of_cycle(motion) * settings.environments
 
 
 class Corrector:
-    """Refines policies that imitate a cyclic motion, with threads of the native engine. samples: control
+    """Corrects policies that imitate a cyclic motion, with threads of the native engine. samples: control
     steps of a correction.
 
     ValueError for a configuration without learning control.
@@ -33,7 +33,7 @@ class Corrector:
             raise ValueError("expected a configuration with learning control")
         self._settings, self._seed = config.learning_control, config.seed
         reference = Reference(motion)
-        self.samples = correction_samples(reference, config.learning_control)
+        self.samples = correction_samples(motion, config.learning_control)
         world = open_world(config.learning_control.environments, engine, threads=threads)
         self._batch = ImitationBatch(world, reference, config.measured_env)
 

@@ -68,8 +68,9 @@ def test_a_correction_takes_the_samples_that_it_says_and_repeats_to_the_bit(
         np.testing.assert_array_equal(one[1], other[1])
 
 
-def test_the_samples_follow_from_the_settings(batch: ImitationBatch) -> None:
-    assert correction_samples(batch.reference, QUICK) == 4 * (3 + 6) * steps_of_cycle(batch.reference)
+def test_the_samples_follow_from_the_settings() -> None:
+    motion = read_motion_json(POLICIES / "walk" / "motion.json")
+    assert correction_samples(motion, QUICK) == 4 * (3 + 6) * 38
 
 
 def test_a_configuration_without_one_has_no_corrector(tracker: tuple[Policy, TrainConfig]) -> None:
