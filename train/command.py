@@ -178,7 +178,7 @@ def _train(
     if not is_complete(training, seconds):
         with (
             _runner(algorithm, motion, engine, count, where, timer, imitated.phases) as runner,
-            _corrector(motion, config, engine, min(count, local_cores())) as corrector,
+            _corrector(algorithm, motion, engine, min(count, local_cores())) as corrector,
         ):
             loop = TrainingLoop(training, runner, imitated, saved, timer, seconds, policy, corrector)
             loop.run(run / CURVES)
@@ -208,12 +208,12 @@ def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainCo
 
 
 @contextmanager
-def _corrector(motion: Motion, config: TrainConfig, engine: str, threads: int) -> Iterator[Corrector | None]:
+def _corrector(algorithm: Algorithm, motion: Motion, engine: str, threads: int) -> Iterator[Corrector | None]:
     """None without learning control in the configuration."""
-    if config.learning_control is None:
+    if algorithm.config.learning_control is None or not isinstance(algorithm, PpoAlgorithm):
         yield None
         return
-    corrector = Corrector(motion, config, engine, threads)
+    corrector = Corrector(algorithm, motion, engine, threads)
     try:
         yield corrector
     finally:

@@ -18,12 +18,14 @@ from kinemimic.train import command as stage
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.config.presets import PRESETS
-from kinemimic.train.learning_control.corrector import correction_samples
-from kinemimic.train.rollout.evaluation import Evaluation, best, is_better
+from kinemimic.train.learning_control.corrector import Correctable, correction_samples
+from kinemimic.train.rollout.evaluation import Evaluation, best, fit
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.runner import training_loop
 from kinemimic.train.scenario.scenario_file import scenario
 
-SETTINGS = LearningControl(iterations=1, environments=1, cycles=1, goal=2.0)  # out of reach
+# The goal is out of reach.
+SETTINGS = LearningControl(iterations=1, environments=1, cycles=1, rounds=0, goal=2.0)
 SMALL = replace(
     PRESETS["default"],
     num_envs=4,
@@ -42,11 +44,13 @@ class Moves:
     calls: ClassVar[list[float]] = []
     interrupts: ClassVar[set[int]] = set()
 
-    def __init__(self, motion: Motion, config: TrainConfig, *_: Any) -> None:
-        assert config.learning_control is not None
-        self.samples = correction_samples(motion, config.learning_control)
+    def __init__(self, algorithm: Correctable, motion: Motion, *_: Any) -> None:
+        self.algorithm = algorithm
+        assert algorithm.config.learning_control is not None
+        self.samples = correction_samples(motion, algorithm.config.learning_control)
 
-    def correct(self, policy: Policy, proceed: Callable[[int], bool]) -> Policy | None:
+    def correct(self, proceed: Callable[[int], bool]) -> Policy | None:
+        policy = self.algorithm.policy()
         self.calls.append(float(policy.layers[0][1][0]))
         if len(self.calls) in self.interrupts:
             signal.raise_signal(signal.SIGINT)
@@ -54,6 +58,9 @@ class Moves:
             return None
         (weight, bias), *rest = policy.layers
         return replace(policy, layers=((weight, bias + np.float32(1.0)), *rest))
+
+    def adopt(self, policy: Policy) -> None:
+        self.algorithm.begin_from(policy)
 
     def close(self) -> None:
         pass
@@ -69,9 +76,15 @@ def run(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 @pytest.fixture
-def keep(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every corrected policy is better, although it falls."""
-    monkeypatch.setattr("kinemimic.train.runner.training_loop.is_better", lambda *_: True)
+def upright(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No policy falls."""
+    monkeypatch.setattr(Evaluation, "falls", False)
+
+
+@pytest.fixture
+def keep(upright: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every corrected policy is better."""
+    monkeypatch.setattr(training_loop, "fit", lambda evaluation: evaluation.corrected)
 
 
 def config(motion: Motion, rounds: int = 2, **options: Any) -> TrainConfig:
@@ -85,18 +98,23 @@ def first_bias(run: Path) -> float:
     return float(Policy.load(run / "policy.safetensors")[0].layers[0][1][0])
 
 
+def found(record: dict[str, Any]) -> list[tuple[int, bool]]:
+    return [(one["samples"], one["corrected"]) for one in record["evaluations"]]
+
+
 @pytest.mark.usefixtures("keep")
 def test_it_begins_and_ends_with_a_correction_within_the_budget(run: Path, motion: Motion) -> None:
     settings = config(motion)
+    assert settings.learning_control is not None
+    cost = correction_samples(motion, settings.learning_control)
     record = stage.train(run, config=settings, workers=1)
     assert record["samples"] == settings.budget
-    assert [one["corrected"] for one in record["evaluations"]] == [True, False, True]
-    assert record["best"] == record["evaluations"][-1]
-    # The first corrected policy is kept, but the rounds do not go on from it.
+    rounds = cost + 2 * ROUND
+    assert found(record) == [(0, False), (cost, True), (rounds, False), (rounds + cost, True)]
+    # The rounds go on from the corrected policy.
     start, trained = Moves.calls
     assert start == 0.0
-    assert abs(trained) < 0.5
-    assert first_bias(run) == pytest.approx(trained + 1.0)
+    assert trained == pytest.approx(1.0, abs=0.5)
     assert record["seconds_by"]["learning control"] >= 0.0
     # The same command has nothing left to do.
     assert stage.train(run, config=settings, workers=1)["samples"] == settings.budget
@@ -104,28 +122,29 @@ def test_it_begins_and_ends_with_a_correction_within_the_budget(run: Path, motio
 
 
 @pytest.mark.usefixtures("keep")
-def test_it_ends_where_a_corrected_policy_reaches_the_goal(run: Path, motion: Motion) -> None:
+def test_it_ends_where_a_policy_reaches_the_goal(
+    run: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Evaluation, "walks", property(lambda evaluation: evaluation.corrected))
     settings = replace(config(motion), learning_control=replace(SETTINGS, goal=-1e9))
     for _ in range(2):
         record = stage.train(run, config=settings, workers=1)
-        assert [one["corrected"] for one in record["evaluations"]] == [True]
-        assert record["samples"] == record["best"]["samples"]
+        assert [one["corrected"] for one in record["evaluations"]] == [False, True]
         assert record["finished"]
+        assert record["samples"] == record["evaluations"][-1]["samples"]
     assert len(Moves.calls) == 1
-    assert first_bias(run) == 1.0
 
 
 @pytest.mark.usefixtures("keep")
 def test_it_is_also_corrected_between_the_rounds(run: Path, motion: Motion) -> None:
-    settings = config(motion, rounds=4)
+    settings = config(motion, rounds=3)
     assert settings.learning_control is not None
     cost = correction_samples(motion, settings.learning_control)
-    # The first correction, two rounds, the second one, and one more round: the last one takes its samples.
-    meanwhile = replace(settings.learning_control, meanwhile=2 * cost + 2 * ROUND)
-    settings = replace(settings, budget=3 * cost + 3 * ROUND, learning_control=meanwhile)
+    often = replace(settings.learning_control, interval=2 * ROUND)
+    settings = replace(settings, budget=settings.budget + cost, learning_control=often)
     record = stage.train(run, config=settings, workers=1)
-    found = [(one["samples"], one["corrected"]) for one in record["evaluations"]]
-    assert found == [
+    assert found(record) == [
+        (0, False),
         (cost, True),
         (cost + 2 * ROUND, False),
         (2 * cost + 2 * ROUND, True),
@@ -133,16 +152,28 @@ def test_it_is_also_corrected_between_the_rounds(run: Path, motion: Motion) -> N
         (3 * cost + 3 * ROUND, True),
     ]
     assert record["samples"] == settings.budget
-    # Each corrects the policy of the rounds, not a corrected one.
-    assert len(Moves.calls) == 3
-    assert all(abs(bias) < 0.5 for bias in Moves.calls)
+    assert Moves.calls == pytest.approx([0.0, 1.0, 2.0], abs=0.5)
 
 
-def test_a_corrected_policy_that_falls_is_not_kept(run: Path, motion: Motion) -> None:
+@pytest.mark.usefixtures("upright")
+def test_a_corrected_policy_that_is_worse_is_not_adopted(
+    run: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training_loop, "fit", lambda evaluation: -evaluation.corrected)
     record = stage.train(run, config=config(motion), workers=1)
-    assert [one["corrected"] for one in record["evaluations"]] == [False]
-    assert len(Moves.calls) == 2
-    assert first_bias(run) == pytest.approx(Moves.calls[1])
+    assert [one["corrected"] for one in record["evaluations"]] == [False, False]
+    assert Moves.calls == pytest.approx([0.0, 0.0], abs=0.5)
+    assert abs(first_bias(run)) < 0.5
+
+
+def test_a_policy_that_falls_is_not_corrected(run: Path, motion: Motion) -> None:
+    settings = config(motion)
+    assert settings.learning_control is not None
+    often = replace(settings, learning_control=replace(settings.learning_control, interval=ROUND))
+    record = stage.train(run, config=often, workers=1)
+    assert not Moves.calls
+    assert [one["corrected"] for one in record["evaluations"]] == [False] * len(record["evaluations"])
+    assert record["evaluations"][-1]["samples"] == record["samples"]
 
 
 @pytest.mark.usefixtures("keep")
@@ -195,17 +226,13 @@ def evaluation(
     )  # fmt: skip
 
 
-def test_a_corrected_policy_must_walk_and_fit_better_than_the_best() -> None:
-    walks, falls = evaluation(0.96, 0.95), evaluation(0.5, 0.4, frames=100)
-    assert is_better(evaluation(0.97, 0.95, corrected=True), [walks])
-    assert is_better(evaluation(0.92, 0.91, corrected=True), [falls])
-    assert is_better(evaluation(0.92, 0.91, corrected=True), [])
-    assert not is_better(evaluation(0.97, 0.93, corrected=True), [walks])
-    assert not is_better(evaluation(0.99, 0.99, frames=599, corrected=True), [falls])
-    assert not is_better(evaluation(0.97, 0.89, corrected=True), [])
+def test_with_corrected_policies_the_best_falls_least_and_then_fits_best() -> None:
+    falls, corrected = evaluation(0.99, 0.99, frames=599), evaluation(0.96, 0.96, corrected=True)
+    later = evaluation(0.95, 0.98, reward=0.8)
+    assert fit(falls) < fit(corrected) < fit(later)
+    assert best([falls, corrected, later, evaluation(0.9, 0.9, reward=0.9)]) is later
+    assert best([falls, corrected]) is corrected
 
 
-def test_the_last_corrected_policy_is_the_best() -> None:
-    first, last = evaluation(0.96, 0.96, corrected=True), evaluation(0.97, 0.97, corrected=True)
-    assert best([evaluation(0.9, 0.9, reward=0.9), first, evaluation(0.95, 0.95, reward=0.8), last]) is last
+def test_without_corrected_policies_the_best_has_the_greatest_return() -> None:
     assert best([evaluation(0.9, 0.9, reward=0.9), evaluation(0.95, 0.95, reward=0.8)]).reward == 0.9

@@ -36,12 +36,13 @@ def polish(tracker: TrainConfig) -> TrainConfig:
         env=replace(tracker.env, max_drift=0.6, domain_randomization=DomainRandomization()),
         hidden=tracker.hidden,
         horizon=32,
-        kl_target=0.4,
-        action_std=((25_000, 0.08), (125_000, 0.03), (160_000, 0.06), (250_000, 0.03)),
-        scales={"pose": ((25_000, 64.0), (125_000, 128.0))},
+        kl_target=0.05,
+        actor_rate=1e-4,
+        action_std=((0, 0.06),),
+        scales={"pose": ((0, 64.0), (125_000, 128.0))},
         budget=BUDGETS[POLISH],
         max_budget=MAX_POLISH,
-        learning_control=LearningControl(meanwhile=160_000),
+        learning_control=LearningControl(interval=49_152),
     )
 
 

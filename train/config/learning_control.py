@@ -11,14 +11,14 @@ from kinemimic.train.config.baseline_config import require_counts
 class LearningControl:
     """Settings of `train/learning_control`, for a motion that repeats itself.
 
-    iterations: of the learning; environments: number of humanoids; cycles: of the motion that each walks in
-    an iteration. knee, hip_swing, hip_stance: shares of a joint's mean error by which its correction changes
-    in an iteration; harmonics: of the cycle, at which the change is damped to 61 %; largest: correction, rad.
-    goal: R² of knee and hip at which the training ends; meanwhile: samples in total by which the policy is
-    also corrected between the rounds, 0 for none.
+    environments: number of humanoids; cycles: of the motion that each walks in a measurement. iterations: in
+    which a correction changes by a share of its joint's mean error: knee, hip_swing, hip_stance; harmonics:
+    of the cycle, at which the change is damped to 61 %. rounds: in which the response is identified; steps:
+    along it in each round, which go a share of the way. largest: correction, rad. interval: samples between
+    two corrections, 0 for a first and a last one only; goal: R² of knee and hip at which the training ends.
     """
 
-    iterations: int = 20
+    iterations: int = 10
     environments: int = 16
     cycles: int = 2
     knee: float = 0.3
@@ -26,8 +26,11 @@ class LearningControl:
     hip_stance: float = 0.03
     harmonics: float = 8.0
     largest: float = 0.6
+    rounds: int = 3
+    steps: int = 3
+    share: float = 0.5
+    interval: int = 0
     goal: float = 0.98
-    meanwhile: int = 0
 
     def __post_init__(self) -> None:
-        require_counts(self, "iterations", "environments", "cycles")
+        require_counts(self, "environments", "cycles")

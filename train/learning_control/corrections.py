@@ -1,58 +1,34 @@
-"""Iterative learning control: corrections of the actions by phase, from the errors of the cycles before.
-
-A policy that walks makes much the same error in every cycle. For knees and hips, a correction at a phase
-changes by a share of the mean error one control step later, damped in its higher harmonics (Bristow, Tharayil
-and Alleyne 2006, A Survey of Iterative Learning Control, IEEE Control Systems Magazine 26). The other joints
-keep the balance, and the policy goes on acting in all of them.
-"""
+"""Corrections of a policy's actions by phase, and the errors that remain with them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.retarget.humanoid.body import BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
-LEAD = 1  # control steps from a correction to its effect
-_LIFTED = 0.05  # m above its lowest position, where a foot of the reference swings
+TURNS = 3 * len(BODIES)  # of the pelvis, then of the joints, as in an action
+_PELVIS = TURNS - ACTIONS
 _FLEXION = 1  # axis of a joint
-_SIDES = ("left", "right")
-
-
-@dataclass(frozen=True)
-class Corrections:
-    """table: (P, 42) rotation vectors of the joints, rad, at phases k / P; samples: control steps taken."""
-
-    table: Array
-    samples: int
-
-    def at(self, phases: Array) -> Array:
-        """Corrections (E, 42) at phases (E,), in units of the action; linear in between."""
-        place = np.mod(phases, 1.0) * len(self.table)
-        index = np.floor(place).astype(np.int64)
-        share = (place - index)[:, None]
-        before, after = self.table[index % len(self.table)], self.table[(index + 1) % len(self.table)]
-        found: Array = ((1.0 - share) * before + share * after) / ACTION_SCALE
-        return found
+SIDES = ("left", "right")
 
 
 def joint(name: str) -> int:
-    """Column of the flexion of the joint between a body and its parent."""
+    """Column of the flexion of the joint between a body and its parent, in an action."""
     return 3 * (BODY_INDEX[name] - 1) + _FLEXION
 
 
-_JOINTS = {
-    name: [joint(f"{body}_{side}") for side in _SIDES] for name, body in (("knee", "shin"), ("hip", "thigh"))
+JOINTS = {
+    name: [joint(f"{body}_{side}") for side in SIDES] for name, body in (("knee", "shin"), ("hip", "thigh"))
 }
 
 
@@ -61,62 +37,83 @@ def steps_of_cycle(motion: Motion | Reference) -> int:
     return max(2, round(motion.duration * CONTROL_RATE))
 
 
-def learn_corrections(
-    batch: ImitationBatch, policy: Policy, settings: LearningControl, proceed: Callable[[int], bool]
-) -> Corrections | None:
-    """Corrections with which the policy errs least at knees and hips.
+@dataclass(frozen=True)
+class Corrections:
+    """table: (P, 42) rotation vectors of the joints, rad, at phases k / P, or (E, P, 42), one of each
+    environment."""
 
-    batch: `settings.environments` humanoids on a cyclic motion; proceed: is told the samples of every
-    iteration, and says whether to go on. None if it says no, or if a humanoid fell in every iteration.
-    """
-    reference = batch.reference
-    rows, count = steps_of_cycle(reference), batch.world.size
-    gains = _gains(reference, rows, settings)
-    variances = _variances(reference, rows)
-    table: Array = np.zeros((rows, ACTIONS))
-    best, least, samples = None, np.inf, 0
-    batch.reset(np.arange(count), np.arange(count) / count)
-    for _ in range(settings.iterations + 1):
-        errors = _cycles(batch, policy, Corrections(table, 0), settings.cycles * rows)
-        samples += errors.samples
-        if not proceed(errors.samples):
-            return None
-        remaining = sum(errors.square[joints].mean() / variances[name] for name, joints in _JOINTS.items())
-        if not errors.falls and remaining < least:
-            best, least = table, remaining
-        change = _damped(gains * errors.mean, settings.harmonics)
-        table = np.clip(table + change, -settings.largest, settings.largest)
-    return None if best is None else Corrections(best, samples)
+    table: Array
+
+    def at(self, phases: Array) -> Array:
+        """Corrections (E, 42) at phases (E,), in units of the action; linear in between."""
+        rows = self.table.shape[-2]
+        place = np.mod(phases, 1.0) * rows
+        index = np.floor(place).astype(np.int64)
+        share = (place - index)[:, None]
+        tables = self.table if self.table.ndim == 3 else self.table[None]
+        owner = np.arange(len(phases)) % len(tables)
+        before, after = tables[owner, index % rows], tables[owner, (index + 1) % rows]
+        found: Array = ((1.0 - share) * before + share * after) / ACTION_SCALE
+        return found
 
 
 @dataclass(frozen=True)
-class _Errors:
-    """mean: (P, 42) rotation vectors from the pose to the reference, LEAD steps after a phase; square: (42,)
-    their mean squares; falls, samples: numbers."""
+class Errors:
+    """Of E humanoids by the phase of P that they had after a control step.
 
-    mean: Array
-    square: Array
-    falls: int
-    samples: int
+    sums: (E, P, 45) of the rotation vectors from pose to reference, rad: pelvis, then joints; counts: (E, P)
+    of control steps; squares: (45,) means of their squares; falls: (E,).
+    """
+
+    sums: Array
+    counts: Array
+    squares: Array
+    falls: NDArray[np.int64]
+
+    @property
+    def by_humanoid(self) -> Array:
+        """Mean errors (E, P, 45), 0 where a humanoid was never."""
+        mean: Array = self.sums / np.maximum(self.counts, 1.0)[..., None]
+        return mean
+
+    @cached_property
+    def mean(self) -> Array:
+        """Mean errors (P, 45) of all humanoids."""
+        mean: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)[:, None]
+        return mean
+
+    @property
+    def joints(self) -> Array:
+        """Mean errors (P, 42) of the joints."""
+        return self.mean[:, _PELVIS:]
+
+    def remaining(self, weights: Array) -> float:
+        """Mean square of the errors of the joints, with weights (45,)."""
+        return float((np.square(weights) * self.squares)[_PELVIS:].sum())
 
 
-def _cycles(batch: ImitationBatch, policy: Policy, corrections: Corrections, steps: int) -> _Errors:
-    rows, count = corrections.table.shape[0], batch.world.size
-    total, square = np.zeros((rows, ACTIONS)), np.zeros(ACTIONS)
-    times = np.zeros(rows)
-    falls = 0
-    for _ in range(steps):
+def measured(
+    batch: ImitationBatch, policy: Policy, corrections: Corrections, cycles: int, skipped: int = 0
+) -> Errors:
+    """Errors over `cycles` cycles, which start on the reference at phases k / E, without those `skipped`."""
+    rows, count = corrections.table.shape[-2], batch.world.size
+    sums, counts = np.zeros((count, rows, TURNS)), np.zeros((count, rows))
+    squares, falls = np.zeros(TURNS), np.zeros(count, dtype=np.int64)
+    humanoids = np.arange(count)
+    batch.reset(humanoids, humanoids / count)
+    for step in range(cycles * rows):
         corrected_step(batch, policy, corrections)
         fallen = batch.fallen()
-        found = batch.turns[~fallen, 1:].reshape(-1, ACTIONS)
-        row = np.round(np.mod(batch.phases[~fallen], 1.0) * rows - LEAD).astype(np.int64) % rows
-        np.add.at(total, row, found)
-        np.add.at(times, row, 1.0)
-        square += np.square(found).sum(axis=0)
-        falls += int(fallen.sum())
+        falls += fallen
+        if step >= skipped * rows:
+            upright = humanoids[~fallen]
+            found = batch.turns[upright].reshape(len(upright), TURNS)
+            row = np.round(np.mod(batch.phases[upright], 1.0) * rows).astype(np.int64) % rows
+            sums[upright, row] += found
+            counts[upright, row] += 1.0
+            squares += np.square(found).sum(axis=0)
         put_back(batch, fallen)
-    mean = total / np.maximum(times, 1.0)[:, None]
-    return _Errors(mean, square / max(times.sum(), 1.0), falls, steps * count)
+    return Errors(sums, counts, squares / max(counts.sum(), 1.0), falls)
 
 
 def corrected_step(
@@ -137,26 +134,12 @@ def put_back(batch: ImitationBatch, fallen: NDArray[np.bool_]) -> None:
         batch.reset(indices, np.mod(batch.phases[indices], 1.0))
 
 
-def _gains(reference: Reference, rows: int, settings: LearningControl) -> Array:
-    """(P, 42) shares of the error: knees always, hips less while their foot is on the ground."""
-    gains = np.zeros((rows, ACTIONS))
-    bodies = reference.bodies(np.arange(rows) / rows)
-    for side in _SIDES:
-        height = bodies.positions[:, BODY_INDEX[f"foot_{side}"], 2]
-        swings = height > height.min() + _LIFTED
-        gains[:, joint(f"shin_{side}")] = settings.knee
-        gains[:, joint(f"thigh_{side}")] = np.where(swings, settings.hip_swing, settings.hip_stance)
-    return gains
-
-
-def _variances(reference: Reference, rows: int) -> dict[str, float]:
-    """Variances of knee and hip flexion of the reference, rad², means of the sides: those of R²."""
+def weights(reference: Reference, rows: int, others: float = 0.0) -> Array:
+    """Weights (45,) of errors: knee and hip flexion by the deviations of their reference, so that the sum of
+    their squares is 2 - R² - R² (means of the sides); `others` for all other turns."""
+    found = np.full(TURNS, others)
     curves = joint_angles(reference.nodes(np.arange(rows) / rows))
-    return {name: float(np.mean([curves[f"{name}_{side}"].var() for side in _SIDES])) for name in _JOINTS}
-
-
-def _damped(change: Array, harmonics: float) -> Array:
-    """A table whose columns keep their low harmonics, by a Gaussian of that width."""
-    spectrum = np.fft.rfft(change, axis=0)
-    spectrum *= np.exp(-0.5 * np.square(np.arange(len(spectrum)) / harmonics))[:, None]
-    return np.fft.irfft(spectrum, len(change), axis=0)
+    for name, columns in JOINTS.items():
+        variance = np.mean([curves[f"{name}_{side}"].var() for side in SIDES])
+        found[np.add(columns, _PELVIS)] = 1.0 / np.sqrt(len(SIDES) * variance)
+    return found

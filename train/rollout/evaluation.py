@@ -136,9 +136,14 @@ class Evaluation:
         )
 
     @property
+    def falls(self) -> bool:
+        """Whether an episode ended in a fall."""
+        return self.frames < self.of
+
+    @property
     def walks(self) -> bool:
         """Whether no episode ended in a fall, and knee and hip follow the reference."""
-        return self.frames == self.of and min(self.knee, self.hip) >= WALKING_R2
+        return not self.falls and min(self.knee, self.hip) >= WALKING_R2
 
     def to_json(self) -> dict[str, Any]:
         """The constructor's arguments, as JSON."""
@@ -153,23 +158,18 @@ def is_due(before: int, after: int, interval: int) -> bool:
 def best(evaluations: Sequence[Evaluation]) -> Evaluation:
     """The evaluation at the greatest strength with the best robust return, or reward; ties: the first.
 
-    The last one of a corrected policy, if there is one: it was kept because it was better (`is_better`).
+    With corrected policies, which give up some reward to fit knees and hips: the one with the best `fit`.
     """
-    for evaluation in reversed(evaluations):
-        if evaluation.corrected:
-            return evaluation
+    if any(evaluation.corrected for evaluation in evaluations):
+        return max(evaluations, key=fit)
     return max(
         evaluations, key=lambda e: (e.strength, e.reward if e.robust_return is None else e.robust_return)
     )
 
 
-def is_better(corrected: Evaluation, evaluations: Sequence[Evaluation]) -> bool:
-    """Whether a corrected policy walks, and fits knee and hip better than the best of these evaluations."""
-    if not corrected.walks:
-        return False
-    if not evaluations or not (kept := best(evaluations)).walks:
-        return True
-    return corrected.knee + corrected.hip > kept.knee + kept.hip
+def fit(evaluation: Evaluation) -> tuple[float, float]:
+    """How well learning control should find an evaluation: first the frames without a fall, then R²."""
+    return evaluation.frames / evaluation.of, evaluation.knee + evaluation.hip
 
 
 def first_walk(evaluations: Sequence[Evaluation]) -> Mapping[str, float] | None:

@@ -27,7 +27,7 @@ class TrainingProgress:
 
     seconds_by: wall time by purpose (`timer.py`), of this call and those before it; exploded: humanoids
     whose state the engine lost so far; losses: the critic's `normalized_loss` of each round since the last
-    evaluation; corrected_at: samples after the last correction, 0 before the first.
+    evaluation; corrected_at: samples after the last correction, None before the first.
     """
 
     samples: int = 0
@@ -35,7 +35,7 @@ class TrainingProgress:
     seconds_by: dict[str, float] = field(default_factory=dict)
     exploded: int = 0
     losses: list[float] = field(default_factory=list)
-    corrected_at: int = 0
+    corrected_at: int | None = None
 
 
 class Algorithm(Protocol):

@@ -12,7 +12,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import Interruption, deferred
 from kinemimic.train.config.config import scheduled_at
 from kinemimic.train.learning_control.corrector import Corrector
-from kinemimic.train.rollout.evaluation import Evaluation, best, is_better, is_due
+from kinemimic.train.rollout.evaluation import Evaluation, best, fit, is_due
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
@@ -48,19 +48,19 @@ def awaits_correction(training: TrainingState, seconds: float | None) -> bool:
     state = training.algorithm.progress
     if training.algorithm.config.learning_control is None or _is_late(training, seconds) or _fits(training):
         return False
-    if not state.samples:
-        return True
     if not _is_seen(training) or state.samples == state.corrected_at:
         return False
     return is_over(training, seconds) or _is_meanwhile(training)
 
 
 def _is_meanwhile(training: TrainingState) -> bool:
-    """Whether the samples have reached those of the correction between the rounds."""
+    """Whether the first correction is due, or one between the rounds."""
     settings, state = training.algorithm.config.learning_control, training.algorithm.progress
-    # Before it and after it there are rounds.
-    due = 0 if settings is None else settings.meanwhile - training.reserved
-    return state.corrected_at < due <= state.samples
+    if settings is None:
+        return False
+    if state.corrected_at is None:
+        return True
+    return 0 < settings.interval <= state.samples - state.corrected_at
 
 
 def _is_late(training: TrainingState, seconds: float | None) -> bool:
@@ -68,10 +68,10 @@ def _is_late(training: TrainingState, seconds: float | None) -> bool:
 
 
 def _fits(training: TrainingState) -> bool:
-    """Whether a corrected policy reaches the goal."""
+    """Whether a policy reaches the goal of learning control."""
     settings = training.algorithm.config.learning_control
     return settings is not None and any(
-        evaluation.corrected and min(evaluation.knee, evaluation.hip) >= settings.goal
+        evaluation.walks and min(evaluation.knee, evaluation.hip) >= settings.goal
         for evaluation in training.evaluations
     )
 
@@ -79,7 +79,7 @@ def _fits(training: TrainingState) -> bool:
 def _is_seen(training: TrainingState) -> bool:
     """Whether the policy of now was evaluated or corrected."""
     state, evaluations = training.algorithm.progress, training.evaluations
-    if state.samples and state.samples == state.corrected_at:
+    if state.samples == state.corrected_at:
         return True
     return bool(evaluations) and evaluations[-1].samples == state.samples
 
@@ -190,16 +190,22 @@ class TrainingLoop:
     def _evaluation_is_due(self) -> bool:
         """Also after an interruption between a round and its evaluation."""
         samples = self._state.samples
-        if not samples or _is_seen(self._training):
+        if _is_seen(self._training):
             return False
+        if not samples:
+            return self._corrector is not None
         before, rest = samples - self._config.batch, self._config.budget - self._training.reserved
         due = is_due(before, samples, self._runner.evaluation_interval)
         due |= before < rest <= samples or _is_meanwhile(self._training)
         return due or is_over(self._training, self._seconds)
 
     def _correct(self, board: SummaryWriter, bar: Bar, interruption: Interruption) -> None:
-        """Correct the policy of now, and keep the result if it is better; nothing changes if interrupted."""
-        assert self._corrector is not None  # noqa: S101 (the configuration has learning control)
+        """Go on from the corrected policy if it is better; nothing changes if interrupted.
+
+        A policy that falls is not corrected: its errors are not those of a cycle.
+        """
+        corrector, state = self._corrector, self._state
+        assert corrector is not None  # noqa: S101 (the configuration has learning control)
         taken = 0
 
         def proceed(samples: int) -> bool:
@@ -208,20 +214,27 @@ class TrainingLoop:
             bar.advance(samples)
             return not interruption.asked
 
+        before = self._training.evaluations[-1]
         self._timer.lap(OTHER)
-        corrected = self._corrector.correct(self._training.algorithm.policy(), proceed)
+        corrected = None if before.falls else corrector.correct(proceed)
         if interruption.asked:
             return
         self._lap(LEARNING_CONTROL)
-        self._state.samples += taken
-        self._state.corrected_at = self._state.samples
-        if corrected is not None:
-            self._evaluate(board, corrected)
+        state.samples += taken
+        state.corrected_at = state.samples
+        if corrected is None:
+            return
+        found = self._evaluation(corrected, corrected=True)
+        if fit(found) > fit(before):
+            corrector.adopt(corrected)
+            self._keep(board, found)
 
-    def _evaluate(self, board: SummaryWriter, corrected: Policy | None = None) -> None:
-        """Evaluate the policy of now, or a corrected one, and keep it if it is the best."""
-        training, runner, samples = self._training, self._runner, self._state.samples
-        policy = corrected or training.algorithm.policy()
+    def _evaluate(self, board: SummaryWriter) -> None:
+        """Evaluate the policy of now, and keep it if it is the best."""
+        self._keep(board, self._evaluation(self._training.algorithm.policy()))
+
+    def _evaluation(self, policy: Policy, *, corrected: bool = False) -> Evaluation:
+        runner, samples = self._runner, self._state.samples
         # With the scales at the end of their schedules, so that early and late evaluations are comparable.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
         episodes = runner.run_episodes(policy, reward)
@@ -234,14 +247,17 @@ class TrainingLoop:
             seconds=sum(self._state.seconds_by.values()),
             strength=strength,
             losses=self._state.losses,
-            corrected=corrected is not None,
+            corrected=corrected,
         )
         self._state.losses.clear()
-        if evaluation.corrected and not is_better(evaluation, training.evaluations):
-            return
+        return evaluation
+
+    def _keep(self, board: SummaryWriter, evaluation: Evaluation) -> None:
+        """Record an evaluation of the policy of now, and keep the policy if it is the best."""
+        training, samples = self._training, evaluation.samples
         training.evaluations.append(evaluation)
         if best(training.evaluations) is evaluation:
-            training.best = policy
+            training.best = training.algorithm.policy()
         for name in ("frames", "reward", "knee", "hip"):
             board.add_scalar(f"evaluation/{name}", getattr(evaluation, name), samples)
         if evaluation.robust_return is not None:

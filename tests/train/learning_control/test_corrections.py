@@ -1,75 +1,58 @@
-"""Corrections by phase: their table, and what a few cycles teach."""
+"""Corrections by phase, and the errors that are measured with them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from kinemimic.retarget.humanoid.body import BODY_NAMES
+from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control.corrections import (
+    JOINTS,
+    TURNS,
     Corrections,
-    _cycles,
-    _damped,
-    _gains,
+    Errors,
     corrected_step,
     joint,
-    learn_corrections,
+    measured,
     steps_of_cycle,
+    weights,
 )
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
-QUICK = LearningControl(iterations=4, environments=4)
-KNEES = [joint("shin_left"), joint("shin_right")]
+KNEES = JOINTS["knee"]
 
 
 def no_corrections(batch: ImitationBatch) -> Corrections:
-    return Corrections(np.zeros((steps_of_cycle(batch.reference), ACTIONS)), 0)
+    return Corrections(np.zeros((steps_of_cycle(batch.reference), ACTIONS)))
 
 
-def knee_error(batch: ImitationBatch, policy: Policy, corrections: Corrections) -> float:
-    """Root mean square over two cycles from the reference on, degrees."""
-    batch.reset(np.arange(4), np.arange(4) / 4)
-    found = _cycles(batch, policy, corrections, 2 * steps_of_cycle(batch.reference))
-    assert found.falls == 0
-    return float(np.degrees(np.sqrt(found.square[KNEES].mean())))
+def test_knees_and_hips_are_found_by_the_names_of_their_bodies() -> None:
+    assert JOINTS["knee"] == [joint("shin_left"), joint("shin_right")]
+    assert JOINTS["hip"] == [joint("thigh_left"), joint("thigh_right")]
 
 
 def test_a_table_is_linear_between_its_rows_and_goes_on_at_its_end() -> None:
     table = np.zeros((4, ACTIONS))
     knee = KNEES[0]
     table[:, knee] = [1.0, 3.0, 0.0, -1.0]
-    found = Corrections(table, 0).at(np.array([0.0, 0.125, 0.25, 0.875, 1.125, -0.75]))
+    found = Corrections(table).at(np.array([0.0, 0.125, 0.25, 0.875, 1.125, -0.75]))
     np.testing.assert_allclose(found[:, knee], [1.0, 2.0, 3.0, 0.0, 2.0, 3.0])
     assert not found[:, [k for k in range(ACTIONS) if k != knee]].any()
 
 
+def test_each_environment_may_have_a_table_of_its_own() -> None:
+    tables = np.random.default_rng(1).normal(size=(3, 5, ACTIONS))
+    phases = np.array([0.1, 0.55, 0.99])
+    found = Corrections(tables).at(phases)
+    for k, table in enumerate(tables):
+        np.testing.assert_array_equal(found[k], Corrections(table).at(phases)[k])
+
+
 def test_a_correction_is_in_units_of_the_action() -> None:
-    found = Corrections(np.full((2, ACTIONS), 0.1), 0).at(np.array([0.3]))
+    found = Corrections(np.full((2, ACTIONS), 0.1)).at(np.array([0.3]))
     np.testing.assert_allclose(found[0] * ACTION_SCALE, 0.1)
-
-
-def test_a_columns_harmonics_are_damped_and_its_mean_is_not() -> None:
-    phase = 2.0 * np.pi * np.arange(32) / 32
-    columns = np.stack([np.full(32, 0.7), np.sin(2.0 * phase), np.cos(6.0 * phase)], axis=1)
-    shares = np.exp(-0.5 * np.square(np.array([0.0, 2.0, 6.0]) / 4.0))
-    np.testing.assert_allclose(_damped(columns, 4.0), columns * shares, atol=1e-12)
-
-
-def test_only_knees_and_hips_learn_and_a_hip_less_on_the_ground(batch: ImitationBatch) -> None:
-    settings = LearningControl(knee=0.5, hip_swing=0.2, hip_stance=0.1)
-    gains = _gains(batch.reference, 38, settings)
-    learns = {name for name in BODY_NAMES[1:] if gains[:, joint(name)].any()}
-    assert learns == {"thigh_left", "thigh_right", "shin_left", "shin_right"}
-    assert np.count_nonzero(gains.any(axis=0)) == 4  # flexion alone
-    assert (gains[:, KNEES] == 0.5).all()
-    hips = gains[:, [joint("thigh_left"), joint("thigh_right")]]
-    assert set(np.unique(hips)) == {0.1, 0.2}
-    # While walking, a foot is on the ground for 60 % of a cycle, and never both swing.
-    assert 0.25 < (hips == 0.2).mean() < 0.5
-    assert not (hips == 0.2).all(axis=1).any()
 
 
 def test_a_correction_bends_the_joint_that_it_names(
@@ -90,28 +73,50 @@ def test_a_correction_bends_the_joint_that_it_names(
     assert (np.abs(moved[:, KNEES[1]]) < 0.5 * moved[:, KNEES[0]]).all()
 
 
-def test_the_knees_err_less_after_a_few_cycles(
+def test_errors_are_found_at_the_phase_after_the_step(
     batch: ImitationBatch, tracker: tuple[Policy, TrainConfig]
 ) -> None:
-    before = knee_error(batch, tracker[0], no_corrections(batch))
-    told: list[int] = []
+    rows = steps_of_cycle(batch.reference)
+    found = measured(batch, tracker[0], no_corrections(batch), 2, skipped=1)
+    assert found.sums.shape == (4, rows, TURNS)
+    assert found.counts.sum() == 4 * rows
+    assert not found.falls.any()
+    # The same walk, step by step.
+    batch.reset(np.arange(4), np.arange(4) / 4)
+    for _ in range(rows + 1):
+        corrected_step(batch, tracker[0], no_corrections(batch))
+    row = round(float(np.mod(batch.phases[2], 1.0)) * rows) % rows
+    np.testing.assert_allclose(found.sums[2, row], batch.turns[2].ravel(), atol=1e-9)
 
-    def proceed(samples: int) -> bool:
-        told.append(samples)
-        return True
 
-    found = learn_corrections(batch, tracker[0], QUICK, proceed)
-    assert found is not None
-    assert len(told) == QUICK.iterations + 1
-    assert sum(told) == found.samples
-    assert knee_error(batch, tracker[0], found) < 0.7 * before
-
-
-def test_it_ends_when_told_to_and_without_a_cycle_without_a_fall(
+def test_who_falls_is_counted_and_its_errors_are_not(
     batch: ImitationBatch, tracker: tuple[Policy, TrainConfig], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[int] = []
-    assert learn_corrections(batch, tracker[0], QUICK, lambda samples: bool(told.append(samples))) is None
-    assert len(told) == 1
     monkeypatch.setattr(batch, "fallen", lambda: np.array([True, False, False, False]))
-    assert learn_corrections(batch, tracker[0], LearningControl(iterations=1), lambda _: True) is None
+    rows = steps_of_cycle(batch.reference)
+    found = measured(batch, tracker[0], no_corrections(batch), 1)
+    np.testing.assert_array_equal(found.falls, [rows, 0, 0, 0])
+    np.testing.assert_array_equal(found.counts.sum(axis=1), [0, rows, rows, rows])
+    assert not found.by_humanoid[0].any()
+
+
+def test_means_weigh_every_control_step_alike() -> None:
+    sums, counts = np.zeros((2, 1, TURNS)), np.array([[3.0], [1.0]])
+    sums[:, 0, 5] = [0.6, 0.6]
+    errors = Errors(sums, counts, np.zeros(TURNS), np.zeros(2, dtype=np.int64))
+    assert errors.by_humanoid[:, 0, 5].tolist() == pytest.approx([0.2, 0.6])
+    assert errors.mean[0, 5] == pytest.approx(0.3)
+    assert errors.joints[0, 2] == errors.mean[0, 5]
+
+
+def test_what_remains_is_what_the_coefficients_of_determination_leave_out(batch: ImitationBatch) -> None:
+    rows = 38
+    curves = joint_angles(batch.reference.nodes(np.arange(rows) / rows))
+    squares = np.full(TURNS, 7.0)  # of joints that do not count
+    expected = 0.0
+    for name, error in (("knee", 0.05), ("hip", 0.03)):
+        squares[np.add(JOINTS[name], 3)] = error**2
+        expected += error**2 / np.mean([curves[f"{name}_{side}"].var() for side in ("left", "right")])
+    errors = Errors(np.zeros((1, rows, TURNS)), np.ones((1, rows)), squares, np.zeros(1, dtype=np.int64))
+    assert errors.remaining(weights(batch.reference, rows)) == pytest.approx(expected)
+    assert errors.remaining(weights(batch.reference, rows, others=0.1)) > expected

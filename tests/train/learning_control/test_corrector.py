@@ -14,12 +14,27 @@ from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control.corrections import Corrections, joint, steps_of_cycle
 from kinemimic.train.learning_control.corrector import Corrector, correction_samples
 from kinemimic.train.learning_control.distillation import distilled
+from kinemimic.train.learning_control.response import PROBES
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.engines import open_world, resolve
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
-QUICK = LearningControl(iterations=2, environments=4, cycles=1)
+QUICK = LearningControl(iterations=2, environments=4, cycles=1, rounds=1, steps=1)
+SAMPLES = (4 * (3 + 6) + 2 * PROBES) * 38
+
+
+class Fixed:
+    """An algorithm that learns nothing."""
+
+    def __init__(self, policy: Policy, config: TrainConfig) -> None:
+        self.now, self.config = policy, config
+
+    def policy(self) -> Policy:
+        return self.now
+
+    def begin_from(self, policy: Policy) -> None:
+        self.now = policy
 
 
 def test_a_distilled_policy_acts_as_with_the_corrections(tracker: tuple[Policy, TrainConfig]) -> None:
@@ -29,7 +44,7 @@ def test_a_distilled_policy_acts_as_with_the_corrections(tracker: tuple[Policy, 
     rows = steps_of_cycle(batch.reference)
     table = np.zeros((rows, ACTIONS))
     table[:, joint("shin_left")] = 0.1 * np.sin(2.0 * np.pi * np.arange(rows) / rows)
-    corrections = Corrections(table, 0)
+    corrections = Corrections(table)
     found = distilled(policy, corrections, batch, seed=1)
     assert found.shape == policy.shape
     batch.reset(np.arange(count), (np.arange(count) + 0.4) / count)
@@ -51,17 +66,21 @@ def test_a_correction_takes_the_samples_that_it_says_and_repeats_to_the_bit(
     config = replace(tracker[1], learning_control=QUICK)
     layers = []
     for _ in range(2):
-        corrector = Corrector(motion, config, "pybullet")
+        algorithm = Fixed(tracker[0], config)
+        corrector = Corrector(algorithm, motion, resolve("auto"))
         taken: list[int] = []
 
         def proceed(samples: int, taken: list[int] = taken) -> bool:
             taken.append(samples)
             return True
 
-        corrected = corrector.correct(tracker[0], proceed)
+        corrected = corrector.correct(proceed)
         assert corrected is not None
-        assert sum(taken) == corrector.samples == 4 * (3 + 6) * 38
+        assert sum(taken) == correction_samples(motion, QUICK)
         layers.append(corrected.layers)
+        assert algorithm.now is tracker[0]
+        corrector.adopt(corrected)
+        assert algorithm.now is corrected
         corrector.close()
     for one, other in zip(*layers, strict=True):
         np.testing.assert_array_equal(one[0], other[0])
@@ -70,9 +89,9 @@ def test_a_correction_takes_the_samples_that_it_says_and_repeats_to_the_bit(
 
 def test_the_samples_follow_from_the_settings() -> None:
     motion = read_motion_json(POLICIES / "walk" / "motion.json")
-    assert correction_samples(motion, QUICK) == 4 * (3 + 6) * 38
+    assert correction_samples(motion, QUICK) == SAMPLES
 
 
 def test_a_configuration_without_one_has_no_corrector(tracker: tuple[Policy, TrainConfig]) -> None:
     with pytest.raises(ValueError, match="expected a configuration with learning control"):
-        Corrector(read_motion_json(POLICIES / "walk" / "motion.json"), tracker[1], "pybullet")
+        Corrector(Fixed(*tracker), read_motion_json(POLICIES / "walk" / "motion.json"), "pybullet")
