@@ -16,7 +16,6 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.config.learning_control import LearningControl
-from kinemimic.train.learning_control import response
 from kinemimic.train.learning_control.corrections import (
     SIDES,
     Corrections,
@@ -26,6 +25,7 @@ from kinemimic.train.learning_control.corrections import (
     steps_of_cycle,
     weights,
 )
+from kinemimic.train.learning_control.response import CYCLES, PROBES, identified
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
@@ -65,7 +65,7 @@ def learn_corrections(
 ) -> Corrections | None:
     """Corrections with which the policy errs least at knees and hips.
 
-    batch: `settings.environments` humanoids on a cyclic motion; probe: `response.PROBES` on the same;
+    batch: `settings.environments` humanoids on a cyclic motion; probe: `PROBES` on the same;
     proceed: is told the samples of every measurement, and may raise an exception to end it. None if a
     humanoid always falls.
     """
@@ -84,12 +84,13 @@ def learn_corrections(
         if trials.best is None:
             return None
         table, errors = trials.best
-        found = response.identified(probe, policy, table, random)
-        proceed(response.CYCLES * rows * response.PROBES)
-        for _ in range(settings.steps if found else 0):
-            table = np.clip(
-                table + settings.share * found.change(errors), -settings.largest, settings.largest
-            )
+        found = identified(probe, policy, table, random)
+        proceed(CYCLES * rows * PROBES)
+        if found is None:
+            continue
+        for _ in range(settings.steps):
+            table = table + settings.share * found.change(errors)
+            table = np.clip(table, -settings.largest, settings.largest)
             errors = trials.measure(table)
             proceed(cost)
     return None if trials.best is None else Corrections(trials.best[0])

@@ -24,7 +24,7 @@ CYCLES = 2  # of a measurement; the errors are those of the last one
 _COLUMNS = JOINTS["knee"] + JOINTS["hip"]
 _COEFFICIENTS = len(_COLUMNS) * (1 + 2 * HARMONICS)
 # Humanoids of a measurement. Each probes all coefficients at once, in orthogonal combinations of signs.
-PROBES = 2 ** _COEFFICIENTS.bit_length()
+PROBES = 1 << _COEFFICIENTS.bit_length()
 _MOST_FALLEN = (PROBES - _COEFFICIENTS) // 2  # without them, the regression still has more rows than columns
 _PROBE = 0.01  # rad, of each coefficient
 _DAMPING = 0.1  # weight of the coefficients' squares, rad⁻², beside the weighted mean square error
@@ -74,8 +74,9 @@ def identified(
 
 def _signs(random: np.random.Generator) -> Array:
     """(PROBES, K) of ±1, whose columns are orthogonal to each other and to a constant."""
-    columns: Array = hadamard(PROBES, dtype=np.float64)[:, 1 : 1 + _COEFFICIENTS]
-    return columns * random.choice([-1.0, 1.0], size=_COEFFICIENTS)
+    columns = hadamard(PROBES, dtype=np.float64)[:, 1 : 1 + _COEFFICIENTS]
+    signs: Array = columns * random.choice([-1.0, 1.0], size=_COEFFICIENTS)
+    return signs
 
 
 def _tables(rows: int) -> Array:
