@@ -173,7 +173,7 @@ def _train(
     if saved.exists() and not resumed:
         saved.replace(run / PREVIOUS)
     seconds = None if minutes is None else 60.0 * minutes
-    imitated = Imitated.of_motion(motion, config.env)
+    imitated = Imitated.of_motion(motion, config)
     policy = PolicyFile(run, training, imitated, engine, resumed=resumed)
     if not is_complete(training, seconds):
         with (

@@ -15,7 +15,8 @@ class LearningControl:
     which a correction changes by a share of its joint's mean error: knee, hip_swing, hip_stance; harmonics:
     of the cycle, at which the change is damped to 61 %. rounds: in which the response is identified; steps:
     along it in each round, which go a share of the way. largest: correction, rad. interval: samples between
-    two corrections, 0 for a first and a last one only; goal: R² of knee and hip at which the training ends.
+    two corrections, 0 for a first and a last one only. episodes: of an evaluation, from as many phases; goal:
+    R² of knee and hip in all of them at which the training ends.
     """
 
     iterations: int = 10
@@ -30,7 +31,8 @@ class LearningControl:
     steps: int = 3
     share: float = 0.5
     interval: int = 0
+    episodes: int = 6
     goal: float = 0.98
 
     def __post_init__(self) -> None:
-        require_counts(self, "environments", "cycles")
+        require_counts(self, "environments", "cycles", "episodes")

@@ -43,17 +43,19 @@ def reported_phases(motion: Motion) -> tuple[float, ...]:
     return tuple(k / START_PHASES for k in range(START_PHASES)) if motion.cyclic else (0.0,)
 
 
-def selection_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[float, ...]:
+def selection_phases(
+    motion: Motion, scenario: Scenario | None = None, episodes: int = 2
+) -> tuple[float, ...]:
     """Start phases of the evaluations that choose the policy to keep.
 
-    None is a reported one, so that no score is of a rollout that chose the policy: a cycle has 1/26 and
-    13/26, midway between reported ones; a scenario the middles of SCENARIO_EPISODES parts of its range, each
+    None is a reported one, so that no score is of a rollout that chose the policy: a cycle has as many as
+    `episodes`, midway between reported ones (1/26 and 13/26 if two); a scenario the middles of SCENARIO_EPISODES parts of its range, each
     with its own draw. A non-cyclic motion has only its beginning, which is reported too.
     """
     if not motion.cyclic:
         return (0.0,)
     if scenario is None:
-        return (0.5 / START_PHASES, 0.5)
+        return tuple((k * START_PHASES // episodes + 0.5) / START_PHASES for k in range(episodes))
     low, high = scenario.phase.low[0], scenario.phase.high[0]
     # A single phase is evaluated once: the same phase gives the same draw.
     middles = (low + (high - low) * (k + 0.5) / SCENARIO_EPISODES for k in range(SCENARIO_EPISODES))

@@ -11,7 +11,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import copy_file, read_json
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import best, first_walk, selection_phases
 from kinemimic.train.rollout.policy import POLICY
@@ -36,10 +36,12 @@ class Imitated:
     simulated: bool
 
     @classmethod
-    def of_motion(cls, motion: Motion, config: EnvConfig) -> Imitated:
+    def of_motion(cls, motion: Motion, config: TrainConfig) -> Imitated:
         """A motion, in the task of a configuration."""
-        phases = selection_phases(motion, config.scenario)
-        return cls("motion", motion.identity, phases, mirrored(config, Reference(motion)), motion.simulated)
+        episodes = {} if config.learning_control is None else {"episodes": config.learning_control.episodes}
+        phases = selection_phases(motion, config.env.scenario, **episodes)
+        mirrors = mirrored(config.env, Reference(motion))
+        return cls("motion", motion.identity, phases, mirrors, motion.simulated)
 
 
 class PolicyFile:

@@ -195,9 +195,12 @@ class TrainingLoop:
         if not samples:
             return self._corrector is not None
         before, rest = samples - self._config.batch, self._config.budget - self._training.reserved
-        due = is_due(before, samples, self._runner.evaluation_interval)
-        due |= before < rest <= samples or _is_meanwhile(self._training)
-        return due or is_over(self._training, self._seconds)
+        control = self._config.learning_control
+        if control is not None and control.interval:
+            due = _is_meanwhile(self._training)  # each correction follows an evaluation
+        else:
+            due = is_due(before, samples, self._runner.evaluation_interval)
+        return due or before < rest <= samples or is_over(self._training, self._seconds)
 
     def _correct(self, board: SummaryWriter, bar: Bar, interruption: Interruption) -> None:
         """Go on from the corrected policy if it is better; nothing changes if interrupted.

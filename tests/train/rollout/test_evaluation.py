@@ -121,6 +121,8 @@ def test_the_policy_is_chosen_on_other_phases_than_those_reported(motion: Motion
     assert reported == pytest.approx(np.arange(13) / 13)
     assert trial.reported_phases(replace(motion, cyclic=False)) == (0.0,)
     assert trial.selection_phases(motion) == (pytest.approx(1 / 26), 0.5)
+    six = [(k + 0.5) / 13 for k in (0, 2, 4, 6, 8, 10)]
+    assert trial.selection_phases(motion, episodes=6) == pytest.approx(six)
     for scenario, apart in ((None, 1 / 26), (Scenario("any"), 1 / 208)):
         chosen = np.array(trial.selection_phases(motion, scenario))
         gaps = np.abs(chosen[:, None] - reported)
