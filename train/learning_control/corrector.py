@@ -11,7 +11,7 @@ from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control import distillation, response
 from kinemimic.train.learning_control.corrections import steps_of_cycle
 from kinemimic.train.learning_control.distillation import distilled
-from kinemimic.train.learning_control.learning import learn_corrections
+from kinemimic.train.learning_control.learning import LONG, SHARES, learn_corrections
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.engines import open_world
@@ -25,7 +25,8 @@ class Stopped(Exception):  # noqa: N818 (it is no error)
 def correction_samples(motion: Motion, settings: LearningControl) -> int:
     """Control steps of one correction, at most."""
     measured = settings.iterations + settings.rounds * settings.steps
-    cycles = (measured * settings.cycles + distillation.CYCLES) * settings.environments
+    cycles = measured * settings.cycles + len(SHARES) * LONG + distillation.CYCLES
+    cycles *= settings.environments
     cycles += settings.rounds * response.CYCLES * response.PROBES
     return cycles * steps_of_cycle(motion)
 

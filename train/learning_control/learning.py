@@ -30,6 +30,9 @@ from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
+LONG = 8  # cycles without a fall in the end
+# Of the corrections, the largest with which nobody falls: 0.7 still removes 91 % of the mean square error.
+SHARES = (1.0, 0.7, 0.5)
 LEAD = 1  # control steps from a correction to its effect
 _LIFTED = 0.05  # m above its lowest position, where a foot of the reference swings
 
@@ -93,7 +96,15 @@ def learn_corrections(
             table = np.clip(table, -settings.largest, settings.largest)
             errors = trials.measure(table)
             proceed(cost)
-    return None if trials.best is None else Corrections(trials.best[0])
+    if trials.best is None:
+        return None
+    for share in SHARES:
+        corrections = Corrections(share * trials.best[0])
+        falls = measured(batch, policy, corrections, LONG).falls
+        proceed(LONG * rows * batch.world.size)
+        if not falls.any():
+            return corrections
+    return None
 
 
 def _gains(reference: Reference, rows: int, settings: LearningControl) -> Array:

@@ -49,8 +49,9 @@ def selection_phases(
     """Start phases of the evaluations that choose the policy to keep.
 
     None is a reported one, so that no score is of a rollout that chose the policy: a cycle has as many as
-    `episodes`, midway between reported ones (1/26 and 13/26 if two); a scenario the middles of SCENARIO_EPISODES parts of its range, each
-    with its own draw. A non-cyclic motion has only its beginning, which is reported too.
+    `episodes`, midway between reported ones (1/26 and 13/26 if two); a scenario the middles of
+    SCENARIO_EPISODES parts of its range, each with its own draw. A non-cyclic motion has only its beginning,
+    which is reported too.
     """
     if not motion.cyclic:
         return (0.0,)

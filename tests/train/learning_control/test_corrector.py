@@ -14,6 +14,7 @@ from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control.corrections import Corrections, joint, steps_of_cycle
 from kinemimic.train.learning_control.corrector import Corrector, correction_samples
 from kinemimic.train.learning_control.distillation import distilled
+from kinemimic.train.learning_control.learning import LONG, SHARES
 from kinemimic.train.learning_control.response import PROBES
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
@@ -21,7 +22,7 @@ from kinemimic.train.sim.engines import open_world, resolve
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
 QUICK = LearningControl(iterations=2, environments=4, cycles=1, rounds=1, steps=1)
-SAMPLES = (4 * (3 + 6) + 2 * PROBES) * 38
+AT_MOST = (4 * (3 + len(SHARES) * LONG + 6) + 2 * PROBES) * 38
 
 
 class Fixed:
@@ -76,7 +77,7 @@ def test_a_correction_takes_the_samples_that_it_says_and_repeats_to_the_bit(
 
         corrected = corrector.correct(proceed)
         assert corrected is not None
-        assert sum(taken) == correction_samples(motion, QUICK)
+        assert sum(taken) == AT_MOST - (len(SHARES) - 1) * LONG * 4 * 38
         layers.append(corrected.layers)
         assert algorithm.now is tracker[0]
         corrector.adopt(corrected)
@@ -89,7 +90,7 @@ def test_a_correction_takes_the_samples_that_it_says_and_repeats_to_the_bit(
 
 def test_the_samples_follow_from_the_settings() -> None:
     motion = read_motion_json(POLICIES / "walk" / "motion.json")
-    assert correction_samples(motion, QUICK) == SAMPLES
+    assert correction_samples(motion, QUICK) == AT_MOST
 
 
 def test_a_configuration_without_one_has_no_corrector(tracker: tuple[Policy, TrainConfig]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +12,16 @@ import pytest
 from kinemimic.retarget.humanoid.body import BODY_NAMES
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.learning_control import LearningControl
-from kinemimic.train.learning_control import response
+from kinemimic.train.learning_control import learning, response
 from kinemimic.train.learning_control.corrections import (
     JOINTS,
     Corrections,
+    Errors,
     joint,
     measured,
     steps_of_cycle,
 )
-from kinemimic.train.learning_control.learning import _damped, _gains, learn_corrections
+from kinemimic.train.learning_control.learning import LONG, SHARES, _damped, _gains, learn_corrections
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
@@ -63,7 +65,7 @@ def test_the_knees_err_less_after_a_few_cycles(
     told: list[int] = []
     found = learn_corrections(batch, humanoids(1), tracker[0], QUICK, told.append)
     assert found is not None
-    assert told == [2 * 4 * 38] * QUICK.iterations
+    assert told == [2 * 4 * 38] * QUICK.iterations + [LONG * 4 * 38]
     assert error(batch, tracker[0], found, "knee") < 0.7 * before
 
 
@@ -76,9 +78,36 @@ def test_the_identified_response_also_teaches_the_hips(
     without = learn_corrections(batch, probe, tracker[0], replace(QUICK, iterations=11), lambda _: None)
     assert found is not None
     assert without is not None
-    assert told[QUICK.iterations :] == 2 * ([2 * response.PROBES * 38] + [2 * 4 * 38] * 3)
+    assert told[QUICK.iterations :] == 2 * ([2 * response.PROBES * 38] + [2 * 4 * 38] * 3) + [LONG * 4 * 38]
     hips = [error(batch, tracker[0], corrections, "hip") for corrections in (found, without)]
     assert hips[0] < 0.9 * hips[1]
+
+
+def test_corrections_with_which_a_humanoid_falls_later_are_reduced(
+    batch: ImitationBatch, tracker: tuple[Policy, TrainConfig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = replace(QUICK, iterations=2)
+    whole = learn_corrections(batch, batch, tracker[0], settings, lambda _: None)
+    assert whole is not None
+    largest = float(np.abs(whole.table).max())
+    tried = set()
+    allowed = [0.8]
+
+    def measured_with(*arguments: Any, **options: Any) -> Errors:
+        errors = measured(*arguments, **options)
+        size = float(np.abs(arguments[2].table).max())
+        tried.add(round(size / largest, 3))
+        return replace(errors, falls=errors.falls + (arguments[3] == LONG and size > allowed[-1] * largest))
+
+    monkeypatch.setattr(learning, "measured", measured_with)
+    for limit, share in ((0.8, SHARES[1]), (0.6, SHARES[2])):
+        allowed.append(limit)
+        found = learn_corrections(batch, batch, tracker[0], settings, lambda _: None)
+        assert found is not None
+        np.testing.assert_allclose(found.table, share * whole.table)
+    allowed.append(0.1)
+    assert learn_corrections(batch, batch, tracker[0], settings, lambda _: None) is None
+    assert {1.0, *SHARES} <= tried
 
 
 def test_it_ends_where_the_caller_ends_it_and_without_a_cycle_without_a_fall(
