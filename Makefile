@@ -133,12 +133,12 @@ compare: setup ## Train and score the tasks RUNS= (or RUN=; RUN@SCENARIO): media
 study: setup ## Repeat the paper's experiments with the policies of `make comparison`: runs/study/study.html (TRIALS= ENGINE=)
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-# Our PPO, actor-critic and DDPG, each with the layers with which it does best (docs/results-paper.md); DDPG on the walk
-# alone, where a seed takes more than an hour of one core.
+# Our PPO and that of stable-baselines3, actor-critic and DDPG, each with the layers with which it does best
+# (docs/results-paper.md); DDPG on the walk alone, where a seed takes more than an hour of one core.
 COMPARED := --seeds 3 --budgets 3e5,1e6 --out runs/comparison --publish datasets/comparison
 comparison: setup ## Train the policies that `study` compares (hours), into datasets/comparison (ENGINE=)
 	$(KINEMIMIC) compare datasets/policies/walk --preset ddpg --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
-	$(KINEMIMIC) compare datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles --preset default --preset a2c --hidden 256,128 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
+	$(KINEMIMIC) compare datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles --preset default --preset a2c --preset sb3-ppo --hidden 256,128 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## Draw the skeleton into CAPTURE=, a video or a depth recording's folder: RUN=/overlay.webm
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.webm"

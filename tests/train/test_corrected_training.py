@@ -226,13 +226,9 @@ def evaluation(
     )  # fmt: skip
 
 
-def test_with_corrected_policies_the_best_falls_least_and_then_fits_best() -> None:
+def test_with_learning_control_the_best_falls_least_and_then_fits_best() -> None:
     falls, corrected = evaluation(0.99, 0.99, frames=599), evaluation(0.96, 0.96, corrected=True)
-    later = evaluation(0.95, 0.98, reward=0.8)
+    later, rewarded = evaluation(0.95, 0.98, reward=0.8), evaluation(0.9, 0.9, reward=0.9)
     assert fit(falls) < fit(corrected) < fit(later)
-    assert best([falls, corrected, later, evaluation(0.9, 0.9, reward=0.9)]) is later
-    assert best([falls, corrected]) is corrected
-
-
-def test_without_corrected_policies_the_best_has_the_greatest_return() -> None:
-    assert best([evaluation(0.9, 0.9, reward=0.9), evaluation(0.95, 0.95, reward=0.8)]).reward == 0.9
+    assert best([falls, corrected, later, rewarded], by_fit=True) is later
+    assert best([falls, corrected, later, rewarded]) is rewarded

@@ -158,12 +158,12 @@ def is_due(before: int, after: int, interval: int) -> bool:
     return after // interval > before // interval
 
 
-def best(evaluations: Sequence[Evaluation]) -> Evaluation:
+def best(evaluations: Sequence[Evaluation], *, by_fit: bool = False) -> Evaluation:
     """The evaluation at the greatest strength with the best robust return, or reward; ties: the first.
 
-    With corrected policies, which give up some reward to fit knees and hips: the one with the best `fit`.
+    by_fit: the one with the best `fit`, for learning control, which gives up some reward for it.
     """
-    if any(evaluation.corrected for evaluation in evaluations):
+    if by_fit:
         return max(evaluations, key=fit)
     return max(
         evaluations, key=lambda e: (e.strength, e.reward if e.robust_return is None else e.robust_return)
@@ -171,7 +171,7 @@ def best(evaluations: Sequence[Evaluation]) -> Evaluation:
 
 
 def fit(evaluation: Evaluation) -> tuple[float, float]:
-    """How well learning control should find an evaluation: first the frames without a fall, then R²."""
+    """What learning control improves: the frames without a fall, then R² of knee and hip."""
     return evaluation.frames / evaluation.of, evaluation.knee + evaluation.hip
 
 

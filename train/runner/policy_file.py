@@ -100,7 +100,7 @@ def policy_record(
         "seconds": round(sum(state.seconds_by.values()), 1),
         "seconds_by": {name: round(value, 2) for name, value in state.seconds_by.items()},
         "seed": config.seed,
-        "best": best(evaluations).to_json(),
+        "best": best(evaluations, by_fit=config.learning_control is not None).to_json(),
         "first_walk": first_walk(evaluations),
         "evaluated_with": {
             "reward": asdict(config.final_reward),

@@ -259,7 +259,7 @@ class TrainingLoop:
         """Record an evaluation of the policy of now, and keep the policy if it is the best."""
         training, samples = self._training, evaluation.samples
         training.evaluations.append(evaluation)
-        if best(training.evaluations) is evaluation:
+        if best(training.evaluations, by_fit=self._config.learning_control is not None) is evaluation:
             training.best = training.algorithm.policy()
         for name in ("frames", "reward", "knee", "hip"):
             board.add_scalar(f"evaluation/{name}", getattr(evaluation, name), samples)
