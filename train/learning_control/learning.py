@@ -37,7 +37,7 @@ LEAD = 1  # control steps from a correction to its effect
 _LIFTED = 0.05  # m above its lowest position, where a foot of the reference swings
 
 
-class Trials:
+class _Trials:
     """Measures corrections of a policy, and remembers those with which it errs least and nobody falls.
 
     batch: humanoids on a cyclic motion, `cycles` of which each walks; best: corrections and their errors, or
@@ -75,7 +75,7 @@ def learn_corrections(
     reference = batch.reference
     rows = steps_of_cycle(reference)
     cost = settings.cycles * rows * batch.world.size
-    trials = Trials(batch, policy, settings.cycles)
+    trials = _Trials(batch, policy, settings.cycles)
     gains, table = _gains(reference, rows, settings), np.zeros((rows, ACTIONS))
     for _ in range(settings.iterations):
         errors = trials.measure(table)
