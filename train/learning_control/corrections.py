@@ -135,8 +135,8 @@ def put_back(batch: ImitationBatch, fallen: NDArray[np.bool_]) -> None:
 
 
 def weights(reference: Reference, rows: int, others: float = 0.0) -> Array:
-    """Weights (45,) of errors: knee and hip flexion by the deviations of their reference, so that the sum of
-    their squares is 2 - R² - R² (means of the sides); `others` for all other turns."""
+    """Weights (45,) of errors: knee and hip flexion by the deviations of their reference, so that the mean
+    squares of weighted errors add up to 2 - R² - R² (means of the sides); `others` for all other turns."""
     found = np.full(TURNS, others)
     curves = joint_angles(reference.nodes(np.arange(rows) / rows))
     for name, columns in JOINTS.items():

@@ -27,7 +27,7 @@ class Linear:
     def __call__(
         self, batch: ImitationBatch, policy: Policy, corrections: Corrections, cycles: int, skipped: int = 0
     ) -> Errors:
-        tables = np.atleast_3d(corrections.table) if corrections.table.ndim == 3 else corrections.table[None]
+        tables = corrections.table if corrections.table.ndim == 3 else corrections.table[None]
         count = len(tables)
         sums = np.zeros((count, ROWS, TURNS))
         moved = np.roll(tables[:, :, COLUMNS], 3, axis=1) @ self.coupling
