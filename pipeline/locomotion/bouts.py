@@ -24,6 +24,7 @@ from kinemimic.pipeline.locomotion.path.ground_path import GroundPath
 from kinemimic.pipeline.locomotion.path.heading import along_heading
 from kinemimic.pipeline.locomotion.path.odometry import is_running_pose
 from kinemimic.pipeline.locomotion.path.upright import levelling, upright_axis
+from kinemimic.pipeline.locomotion.phase.frames import within
 from kinemimic.pipeline.locomotion.span import Span, agreeing_parts, span_of
 from kinemimic.pipeline.locomotion.stride_legs import judge_strides
 from kinemimic.pipeline.locomotion.strides import Stride, frames_of
@@ -78,8 +79,7 @@ class Bout:
         """Frames (n, 2) in which the left and right leg are good enough for a loop."""
         out = np.zeros((len(self.frames), 2), dtype=np.bool_)
         for stride in self.strides:
-            inside = (self.phase >= stride.start) & (self.phase <= stride.end)
-            out[inside] |= np.array(stride.used)
+            out[within(self.phase, stride.start, stride.end)] |= np.array(stride.used)
         return out
 
 

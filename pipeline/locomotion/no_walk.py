@@ -15,6 +15,7 @@ from kinemimic.pipeline.locomotion.leg_pose import is_precise
 from kinemimic.pipeline.locomotion.pass_gait import gait_of_pass
 from kinemimic.pipeline.locomotion.path.ground_path import choose_path, disagreements
 from kinemimic.pipeline.locomotion.path.odometry import foot_odometry
+from kinemimic.pipeline.locomotion.phase.frames import frames_between
 from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES
 
 OTHER_PATH = "the body's path does not match its steps"
@@ -51,7 +52,7 @@ def _reasons(times: Array, positions: Array, *, precise: bool, toes: bool) -> li
         mine = strides[part]
         if mine[-1].end - mine[0].start < MIN_STRIDES:
             continue
-        inside = slice(*np.searchsorted(gait.phase, (mine[0].start, mine[-1].end)))
+        inside = frames_between(gait.phase, mine[0].start, mine[-1].end)
         positions, phase = gait.even.positions[inside], gait.phase[inside]
         feet = foot_odometry(positions, gait.heading[inside], phase, RATE, toes=precise and toes)
         edges = np.array([(stride.start, stride.end) for stride in mine])

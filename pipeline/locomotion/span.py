@@ -22,6 +22,7 @@ from kinemimic.pipeline.locomotion.path.ground_path import (
 )
 from kinemimic.pipeline.locomotion.path.heading import along_heading
 from kinemimic.pipeline.locomotion.path.odometry import FootOdometry, foot_odometry
+from kinemimic.pipeline.locomotion.phase.frames import frames_between
 from kinemimic.pipeline.locomotion.strides import Stride, frames_of, judged_span
 
 MARGIN = 0.15  # cycles
@@ -77,8 +78,7 @@ def span_of(
     # A little more at either end shows the foot strike there as a turning point.
     first, last = strides[0].start, strides[-1].end
     edges = (max(first - MARGIN, 0.5 * (between[0] + first)), min(last + MARGIN, 0.5 * (last + between[1])))
-    clock = slice(*np.searchsorted(gait.phase, edges))
-    inside = np.arange(len(gait.phase))[clock]
+    inside = np.arange(len(gait.phase))[frames_between(gait.phase, *edges)]
     if len(inside) < MIN_FRAMES:
         return None
     level, up = level[inside], up[inside]

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.even_clock import RATE
+from kinemimic.pipeline.locomotion.phase.frames import within
 
 # A person stands while the ankles move relative to each other at less than this share of their greatest speed
 # in walking, for longer than this (strides). In walking that lasts up to 0.31 strides, in double support.
@@ -70,11 +71,11 @@ def steady_frames(phase: Array, found: Sequence[Transition]) -> Mask:
     if not found:
         return steady
     for one in found:
-        steady[(phase >= one.start) & (phase <= one.end)] = False
+        steady[within(phase, one.start, one.end)] = False
     for before, after in pairwise([None, *found, None]):
         if (before is None or before.kind == INTO) and (after is None or after.kind == OUT_OF):
             first = -np.inf if before is None else before.end
-            steady[(phase >= first) & (phase <= (np.inf if after is None else after.start))] = False
+            steady[within(phase, first, np.inf if after is None else after.start)] = False
     return steady
 
 

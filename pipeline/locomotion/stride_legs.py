@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.locomotion.phase.frames import frames_between
 from kinemimic.pipeline.locomotion.strides import Stride
 
 # A stride for a loop: straight enough, as long as the others, with the leg in view.
@@ -37,7 +38,7 @@ def judge_strides(
     curves = _curves(strides, phase, angles)
     judged = []
     for stride in strides:
-        inside = slice(*np.searchsorted(phase, (stride.start, stride.end)))
+        inside = frames_between(phase, stride.start, stride.end)
         reason = _unusable(stride, period)
         used = [False, False]
         if not reason:

@@ -15,6 +15,7 @@ from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.path.heading import along_heading
 from kinemimic.pipeline.locomotion.phase.fourier import design
+from kinemimic.pipeline.locomotion.phase.frames import frames_between
 from kinemimic.pipeline.locomotion.standing import Transition, is_standing, kind_of, steady_span
 
 # Seconds of a stride: from a sprinter to a patient with a stride of 2.1 s at 0.5 m/s.
@@ -87,7 +88,7 @@ def cut_strides(
     for start, end in pairwise(_edges(phase, transitions)):
         transition = kind_of(start, end, transitions)
         around = (start, end) if transition else steady_span(start, end, phase, transitions)
-        inside = slice(*np.searchsorted(phase, judged_span(start, end, around)))
+        inside = frames_between(phase, *judged_span(start, end, around))
         if inside.stop - inside.start < 6:
             continue
         first, last = np.interp([start, end], phase, times)
@@ -96,7 +97,7 @@ def cut_strides(
             np.var(ankles[1][inside] - ankles[0][inside]),
             np.var(ankles[1][inside] + ankles[0][inside]),
         )
-        mine = slice(*np.searchsorted(phase, (start, end)))
+        mine = frames_between(phase, start, end)
         turn = float(np.ptp(heading[mine])) if mine.stop > mine.start else 0.0
         period = float((last - first) / (end - start))
         leaning = lean[inside][np.isfinite(lean[inside])]
@@ -196,5 +197,5 @@ def frames_of(strides: list[Stride], phase: Array) -> NDArray[Any]:
     inside = np.zeros(len(phase), dtype=np.bool_)
     for stride in strides:
         if stride.walking:
-            inside[slice(*np.searchsorted(phase, (stride.start, stride.end)))] = True
+            inside[frames_between(phase, stride.start, stride.end)] = True
     return inside

@@ -8,6 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.locomotion.bouts import Bout
+from kinemimic.pipeline.locomotion.phase.frames import within
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.strides.loop import Loop, PooledFrames
 
@@ -60,7 +61,7 @@ def _side_differences(bouts: Sequence[Bout], strides: PooledFrames, captured: di
         begin = mine.stop
         phase = strides.phase[mine]
         for stride in one.strides:
-            inside = (phase >= stride.start) & (phase <= stride.end)
+            inside = within(phase, stride.start, stride.end)
             if not all(stride.used) or stride.cycles < WHOLE_STRIDE or inside.sum() < MIN_STRIDE_FRAMES:
                 continue
             row = []

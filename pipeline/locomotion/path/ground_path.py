@@ -9,6 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.locomotion.path.odometry import FEET_ERROR, FootOdometry
+from kinemimic.pipeline.locomotion.phase.frames import frames_between
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def disagreements(root: Array, feet: FootOdometry, phase: Array, edges: Array, r
     recorded = rate * np.gradient(root[:, :2], axis=0)
     out = np.full((len(edges), 3), np.nan)
     for k, (start, end) in enumerate(edges):
-        mine = slice(*np.searchsorted(phase, (start, end)))
+        mine = frames_between(phase, start, end)
         if mine.stop - mine.start < 2:
             continue
         by_feet, by_path = feet.velocity[mine].mean(axis=0), recorded[mine].mean(axis=0)
