@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ PHASE = np.linspace(0.3, 2.7, 25)  # a tenth of a cycle per frame
 
 def test_neighbouring_intervals_share_no_frame_and_miss_none() -> None:
     edges = [0.3, 0.75, 1.2, 1.9, 2.8]
-    parts = [np.arange(25)[frames_between(PHASE, *pair)] for pair in zip(edges, edges[1:], strict=False)]
+    parts = [np.arange(25)[frames_between(PHASE, *pair)] for pair in pairwise(edges)]
     assert np.concatenate(parts).tolist() == list(range(25))
 
 
