@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker predictor ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-stream-noise bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker correct-tracker predictor ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-stream-noise bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -75,6 +75,9 @@ library: setup ## Collect the motions of all captures in CAPTURE= in a motion li
 
 tracker: setup ## Train one policy for any motion on the library LIBRARY= into RUN= (hours; FROM= BUDGET= MINUTES= SEED= ENGINE= DEVICE=cuda)
 	$(KINEMIMIC) train-tracker "$(LIBRARY)" --out "$(RUN)" $(TRAINING) $(if $(DEVICE),--device "$(DEVICE)")
+
+correct-tracker: setup ## Correct a tracker's knees and hips on the library LIBRARY= into RUN= (minutes; FROM= SEED=)
+	$(KINEMIMIC) correct-tracker "$(LIBRARY)" --out "$(RUN)" $(if $(FROM),--from "$(FROM)") $(if $(SEED),--seed $(SEED))
 
 predictor: setup ## Learn from the library LIBRARY= how a motion goes on, and what is noise, into RUN= (minutes; SEED=)
 	$(KINEMIMIC) train-predictor "$(LIBRARY)" --out "$(RUN)" $(if $(SEED),--seed $(SEED))

@@ -77,6 +77,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.train.tracker.command:command",
         "Train one policy for any motion, on a motion library.",
     ),
+    "correct-tracker": (
+        "kinemimic.train.tracker.correct_command:command",
+        "Let a tracker unlearn its systematic errors at knees and hips.",
+    ),
     "train-predictor": (
         "kinemimic.train.prediction.command:command",
         "Learn from a motion library how a motion goes on.",

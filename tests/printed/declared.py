@@ -26,6 +26,7 @@ NOT_RUN: dict[str, str] = {
     "kinemimic reproduce*": "trains the policies that ship for hours",
     "kinemimic library * --variants *": "draws variants for minutes; tests/evaluate/library draws a few",
     "kinemimic train-tracker *": "trains for hours; tests/train/tracker trains for some rounds",
+    "kinemimic correct-tracker *": "learns for minutes; tests/train/tracker corrects on two motions",
     "kinemimic train-predictor *": "learns for minutes; tests/train/prediction learns from fewer moments",
     "kinemimic evaluate-tracker *": "needs a library; tests/evaluate/scoring has one",
     "kinemimic evaluate --policy kinect_walk *": "needs a recording that does not ship",

@@ -16,7 +16,7 @@ from kinemimic.train.learning_control.corrections import (
     put_back,
     steps_of_cycle,
 )
-from kinemimic.train.rollout.network import Layers, normalized
+from kinemimic.train.rollout.network import normalized
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
@@ -40,11 +40,13 @@ def distilled(policy: Policy, corrections: Corrections, batch: ImitationBatch, s
         rows.append(corrected_step(batch, policy, corrections, noise))
         put_back(batch, batch.fallen())
     observations, actions = (np.concatenate(column).astype(np.float32) for column in zip(*rows, strict=True))
-    return replace(policy, layers=_fitted(policy, observations, actions, seed))
+    return fitted(policy, observations, actions, seed)
 
 
-def _fitted(policy: Policy, observations: Floats, actions: Floats, seed: int) -> Layers:
-    """Layers that give the actions (N, 42) for raw observations (N, O), from those of the policy on."""
+def fitted(
+    policy: Policy, observations: Floats, actions: Floats, seed: int, minibatch: int = MINIBATCH
+) -> Policy:
+    """The policy, trained on to give the actions (N, 42) for raw observations (N, O)."""
     x = torch.from_numpy(normalized(observations, policy.mean, policy.scale, policy.limit))
     y = torch.from_numpy(actions)
     scale = torch.from_numpy(ACTION_SCALE.astype(np.float32))
@@ -53,20 +55,21 @@ def _fitted(policy: Policy, observations: Floats, actions: Floats, seed: int) ->
         for weight, bias in policy.layers
     ]
     optimizer = torch.optim.Adam([one for layer in layers for one in layer], RATE)
-    steps = EPOCHS * max(1, len(x) // MINIBATCH)
+    steps = EPOCHS * max(1, len(x) // minibatch)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda k: max(_LAST_RATE, 1.0 - k / steps))
     random = torch.Generator().manual_seed(seed)
     with torch.enable_grad():
         for _ in range(EPOCHS):
             order = torch.randperm(len(x), generator=random)
-            for first in range(0, len(x), MINIBATCH):
-                rows = order[first : first + MINIBATCH]
+            for first in range(0, len(x), minibatch):
+                rows = order[first : first + minibatch]
                 loss = (scale * (_forward(layers, x[rows]) - y[rows])).square().sum(dim=1).mean()
                 optimizer.zero_grad()
                 torch.autograd.backward(loss)
                 optimizer.step()
                 schedule.step()
-    return tuple((weight.detach().numpy(), bias.detach().numpy()) for weight, bias in layers)
+    learned = tuple((weight.detach().numpy(), bias.detach().numpy()) for weight, bias in layers)
+    return replace(policy, layers=learned)
 
 
 def _forward(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor) -> Tensor:

@@ -34,7 +34,7 @@ LONG = 8  # cycles without a fall in the end
 # Of the corrections, the largest with which nobody falls: 0.7 still removes 91 % of the mean square error.
 SHARES = (1.0, 0.7, 0.5)
 LEAD = 1  # control steps from a correction to its effect
-_LIFTED = 0.05  # m above its lowest position, where a foot of the reference swings
+LIFTED = 0.05  # m above its lowest position, where a foot of the reference swings
 
 
 class _Trials:
@@ -80,7 +80,7 @@ def learn_corrections(
     for _ in range(settings.iterations):
         errors = trials.measure(table)
         proceed(cost)
-        change = _damped(gains * np.roll(errors.joints, -LEAD, axis=0), settings.harmonics)
+        change = damped(gains * np.roll(errors.joints, -LEAD, axis=0), settings.harmonics)
         table = np.clip(table + change, -settings.largest, settings.largest)
     random = np.random.default_rng(seed)
     for _ in range(settings.rounds):
@@ -113,14 +113,15 @@ def _gains(reference: Reference, rows: int, settings: LearningControl) -> Array:
     bodies = reference.bodies(np.arange(rows) / rows)
     for side in SIDES:
         height = bodies.positions[:, BODY_INDEX[f"foot_{side}"], 2]
-        swings = height > height.min() + _LIFTED
+        swings = height > height.min() + LIFTED
         gains[:, joint(f"shin_{side}")] = settings.knee
         gains[:, joint(f"thigh_{side}")] = np.where(swings, settings.hip_swing, settings.hip_stance)
     return gains
 
 
-def _damped(change: Array, harmonics: float) -> Array:
-    """A table whose columns keep their low harmonics, by a Gaussian of that width."""
-    spectrum = np.fft.rfft(change, axis=0)
-    spectrum *= np.exp(-0.5 * np.square(np.arange(len(spectrum)) / harmonics))[:, None]
-    return np.fft.irfft(spectrum, len(change), axis=0)
+def damped(change: Array, harmonics: float, axis: int = 0) -> Array:
+    """Tables whose columns along the phases keep their low harmonics, by a Gaussian of that width."""
+    spectrum = np.fft.rfft(change, axis=axis)
+    kept = np.exp(-0.5 * np.square(np.arange(spectrum.shape[axis]) / harmonics))
+    spectrum *= kept.reshape([-1 if k == axis else 1 for k in range(change.ndim)])
+    return np.fft.irfft(spectrum, change.shape[axis], axis=axis)

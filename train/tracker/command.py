@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,11 @@ import torch
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.cli.options import json_option, ray_option
-from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import minutes as in_minutes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.lock import locked
-from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.library_file import MANIFEST, read_library
-from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.config.budget import MINUTES, samples
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import START_RATE, tracker_config
@@ -37,9 +33,9 @@ from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.runner import TrackerAlgorithm, TrackerRunner, TrackerWorkers
+from kinemimic.train.tracker.tables import reference_tables
 
 DEVICES = ("cpu", "cuda")
-TABLES = "references"
 EVALUATED = 64  # motions of the split "train"
 
 
@@ -147,7 +143,7 @@ def _train(
     policy = PolicyFile(out, training, imitated, engine, resumed=resumed)
     seconds = None if minutes is None else 60.0 * minutes
     if not is_complete(training, seconds):
-        tables = _tables(library, trained, out / TABLES, identity)
+        tables = reference_tables(library, trained, out, identity)
         shipped = tables if where.shares_disk else ReferenceLibrary.open(tables)
         with TrackerWorkers(shipped, config, count, engine, where.open_pool) as samplers:
             runner = TrackerRunner(algorithm, samplers, timer, _evaluated(len(trained), seed))
@@ -158,23 +154,6 @@ def _train(
 def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
     """Motions of the evaluations: EVALUATED of them, drawn by the seed."""
     return np.sort(np.random.default_rng(seed).permutation(count)[:EVALUATED])
-
-
-def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, identity: str) -> Path:
-    """Folder of the tables of the split "train"; they are made once for a library."""
-    stamp = folder / "library"
-    if not stamp.exists() or stamp.read_text() != identity:
-        stamp.unlink(missing_ok=True)
-        with progress("references", len(trained), unit="motions") as bar:
-
-            def motions() -> Iterator[Motion]:
-                for index in trained:
-                    yield library.motion(int(index))
-                    bar.advance(1)
-
-            ReferenceLibrary(motions()).save(folder)
-        stamp.write_text(identity)
-    return folder
 
 
 @click.command("train-tracker")

@@ -26,10 +26,11 @@ def perform(
     config: EnvConfig,
     reward: RewardConfig,
     engine: str,
+    phase: float = PHASE,
 ) -> list[Episode]:
     """One episode of each of these motions (N,) of a library: a loop for CYCLIC_FRAMES, others to their end.
 
-    R² of an episode with a fall is 0.
+    phase: at which a loop starts. R² of an episode with a fall is 0.
     """
     if not len(motions):
         return []
@@ -39,7 +40,7 @@ def perform(
         open_world(len(motions), engine), FollowedReference(library, np.array(motions)), config
     )
     batch.reward = reward
-    batch.reset(np.arange(len(motions)), np.where(cyclic, PHASE, 0.0))
+    batch.reset(np.arange(len(motions)), np.where(cyclic, phase, 0.0))
     rewards, simulated, expected = [], [], []
 
     def record(*_: object) -> None:

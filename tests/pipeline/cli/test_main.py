@@ -80,6 +80,7 @@ def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFix
     without = (
         "batch",
         "compare",
+        "correct-tracker",
         "evaluate-tracker",
         "formats",
         "gallery",

@@ -21,7 +21,7 @@ from kinemimic.train.learning_control.corrections import (
     measured,
     steps_of_cycle,
 )
-from kinemimic.train.learning_control.learning import LONG, SHARES, _damped, _gains, learn_corrections
+from kinemimic.train.learning_control.learning import LONG, SHARES, _gains, damped, learn_corrections
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
@@ -40,7 +40,7 @@ def test_a_columns_harmonics_are_damped_and_its_mean_is_not() -> None:
     phase = 2.0 * np.pi * np.arange(32) / 32
     columns = np.stack([np.full(32, 0.7), np.sin(2.0 * phase), np.cos(6.0 * phase)], axis=1)
     shares = np.exp(-0.5 * np.square(np.array([0.0, 2.0, 6.0]) / 4.0))
-    np.testing.assert_allclose(_damped(columns, 4.0), columns * shares, atol=1e-12)
+    np.testing.assert_allclose(damped(columns, 4.0), columns * shares, atol=1e-12)
 
 
 def test_only_knees_and_hips_learn_and_a_hip_less_on_the_ground(batch: ImitationBatch) -> None:
