@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import time
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -137,7 +139,9 @@ class _Correction:
         env, folder = self._config.measured_env, self._out / _PARTS
         folder.mkdir(exist_ok=True)
         chunks = np.array_split(self._motions, -(-len(self._motions) // _CHUNK))
-        paths = [folder / f"{state.rounds}-{number}.npz" for number in range(len(chunks))]
+        # Parts of another tracker or library, which an interruption left, are not taken for these.
+        of = hashlib.sha256(json.dumps([self._inputs, self._seed, self._engine]).encode()).hexdigest()[:16]
+        paths = [folder / f"{of}-{state.rounds}-{number}.npz" for number in range(len(chunks))]
         left = [number for number, path in enumerate(paths) if not path.exists()]
         at_once = self._workers or local_cores()
         done = len(self._motions) - sum(len(chunks[number]) for number in left)

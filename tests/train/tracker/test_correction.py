@@ -83,7 +83,8 @@ def test_an_interrupted_round_goes_on_where_it_was(
     monkeypatch.setattr(correction, "parallel_map", interrupted)
     with pytest.raises(KeyboardInterrupt):
         correct_tracker(library, tmp_path / "out", rounds=1, workers=1)
-    assert [path.name for path in (tmp_path / "out/corrections").iterdir()] == ["0-0.npz"]
+    (part,) = (tmp_path / "out/corrections").iterdir()
+    assert part.name.endswith("-0-0.npz")
     assert not (tmp_path / "out/policy.safetensors").exists()
     done.clear()
     correct_tracker(library, tmp_path / "out", rounds=1, workers=1)
