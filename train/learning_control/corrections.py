@@ -17,7 +17,7 @@ from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 
 TURNS = 3 * len(BODIES)  # of the pelvis, then of the joints, as in an action
-_PELVIS = TURNS - ACTIONS
+FIRST_JOINT = TURNS - ACTIONS  # after the turn of the pelvis
 _FLEXION = 1  # axis of a joint
 SIDES = ("left", "right")
 
@@ -85,11 +85,11 @@ class Errors:
     @property
     def joints(self) -> Array:
         """Mean errors (P, 42) of the joints."""
-        return self.mean[:, _PELVIS:]
+        return self.mean[:, FIRST_JOINT:]
 
     def remaining(self, weights: Array) -> float:
         """Mean square of the errors of the joints, with weights (45,)."""
-        return float((np.square(weights) * self.squares)[_PELVIS:].sum())
+        return float((np.square(weights) * self.squares)[FIRST_JOINT:].sum())
 
 
 def measured(
@@ -141,5 +141,5 @@ def weights(reference: Reference, rows: int, others: float = 0.0) -> Array:
     curves = joint_angles(reference.nodes(np.arange(rows) / rows))
     for name, columns in JOINTS.items():
         variance = np.mean([curves[f"{name}_{side}"].var() for side in SIDES])
-        found[np.add(columns, _PELVIS)] = 1.0 / np.sqrt(len(SIDES) * variance)
+        found[np.add(columns, FIRST_JOINT)] = 1.0 / np.sqrt(len(SIDES) * variance)
     return found

@@ -30,7 +30,7 @@ _PROBE = 0.01  # rad, of each coefficient
 _DAMPING = 0.1  # weight of the coefficients' squares, rad⁻², beside the weighted mean square error
 # The other joints and the pelvis shall stay where they are: weights of their turns, rad⁻¹. Those of knees and
 # hips are about 2.
-_OTHERS, _PELVIS = 0.05, 0.5
+_OTHERS_WEIGHT, _PELVIS_WEIGHT = 0.05, 0.5
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def identified(
     upright = errors.falls == 0
     if np.count_nonzero(~upright) > _MOST_FALLEN:
         return None
-    weight = weights(batch.reference, rows, _OTHERS)
-    weight[:3] = _PELVIS
+    weight = weights(batch.reference, rows, _OTHERS_WEIGHT)
+    weight[:3] = _PELVIS_WEIGHT
     found = (weight * errors.by_humanoid[upright]).reshape(np.count_nonzero(upright), -1)
     columns = np.column_stack([signs[upright], np.ones(len(found))])
     response = np.linalg.lstsq(columns, found)[0][:-1] / _PROBE  # (K, 45 P)

@@ -19,7 +19,14 @@ from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.learning_control import LearningControl
-from kinemimic.train.learning_control.corrections import JOINTS, SIDES, TURNS, Corrections, put_back
+from kinemimic.train.learning_control.corrections import (
+    FIRST_JOINT,
+    JOINTS,
+    SIDES,
+    TURNS,
+    Corrections,
+    put_back,
+)
 from kinemimic.train.learning_control.learning import LEAD, LIFTED, damped
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
 from kinemimic.train.rollout.policy import Policy
@@ -127,7 +134,7 @@ def _measured(batch: ImitationBatch, policy: Policy, tables: Array, steps: int) 
         fallen = batch.fallen()
         upright = ~fallen[:, None]
         waves = (design(batch.phases, _HARMONICS) * upright).reshape(motions, HUMANOIDS, terms)
-        turns = batch.turns.reshape(size, TURNS)[:, TURNS - ACTIONS :][:, _COLUMNS] * upright
+        turns = batch.turns.reshape(size, TURNS)[:, FIRST_JOINT:][:, _COLUMNS] * upright
         errors = turns.reshape(motions, HUMANOIDS, -1)
         normal += waves.swapaxes(1, 2) @ waves
         right += waves.swapaxes(1, 2) @ errors

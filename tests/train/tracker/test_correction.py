@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from peers.trackers import entry, shipped_motion
@@ -66,7 +67,7 @@ def test_a_round_improves_knees_and_hips_and_a_pause_changes_no_bit(library: Pat
     assert len(record["evaluations"]) == len(shipped["evaluations"]) + len(record["corrections"])
     corrected, _ = load_tracker(tmp_path / "once/policy.safetensors")
     assert corrected.shape == load_tracker(path)[0].shape
-    assert not list((tmp_path / "once/corrections").iterdir())
+    assert not (tmp_path / "once/corrections").exists()
 
 
 def test_an_interrupted_round_goes_on_where_it_was(
@@ -144,3 +145,13 @@ def test_the_command_says_what_each_round_did(library: Path, tmp_path: Path) -> 
     assert done.exit_code == 0, done.output
     assert "round 1: corrections of 2 of 2 motions, R² of knee and hip 0." in done.output
     assert f"--policy {tmp_path}` performs a capture with it" in done.output
+
+
+def test_the_adopted_weights_lie_between() -> None:
+    start, _ = load_tracker(tracker_path("tracker"))
+    learned = replace(start, layers=tuple((2.0 * weight, bias + 4.0) for weight, bias in start.layers))
+    found = correction._between(start, learned, 0.75)
+    for (weight, bias), (old, offset) in zip(found.layers, start.layers, strict=True):
+        np.testing.assert_allclose(weight, 1.75 * old, rtol=1e-6)
+        np.testing.assert_allclose(bias, offset + 3.0, rtol=1e-6)
+        assert weight.dtype == np.float32
