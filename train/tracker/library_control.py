@@ -145,6 +145,7 @@ def _measured(batch: ImitationBatch, policy: Policy, tables: Array, steps: int) 
     order = np.arange(1, _HARMONICS + 1) / _HARMONICS
     penalty = _SMOOTHING * np.concatenate([[0.0], order**2, order**2])
     normal += counts[:, None, None] * np.diag(penalty)
+    normal[counts == 0.0] = np.eye(terms)  # nobody was upright: the mean errors are 0
     coefficients = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
     return _Errors(coefficients, squares / np.maximum(counts, 1.0)[:, None], falls)
 

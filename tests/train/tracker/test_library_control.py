@@ -98,3 +98,17 @@ def test_a_tracker_that_falls_learns_nothing(tables: Path, tmp_path: Path) -> No
     assert not found.learned.any()
     assert not found.tables.any()
     assert np.isinf(found.after).all()
+
+
+def test_where_nobody_is_ever_upright_the_mean_error_is_zero(
+    tables: Path, tracker: tuple[Policy, TrainConfig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, everyone = open_world(HUMANOIDS, ENGINE), np.zeros(HUMANOIDS, np.intp)
+    followed = FollowedReference(ReferenceLibrary.open(tables), everyone)
+    batch = ImitationBatch(world, followed, tracker[1].measured_env)
+    monkeypatch.setattr(batch, "fallen", lambda: np.ones(HUMANOIDS, dtype=np.bool_))
+    found = library_control._measured(batch, tracker[0], np.zeros((1, ROWS, ACTIONS)), 3)
+    world.close()
+    assert found.falls.tolist() == [3 * HUMANOIDS]
+    assert not found.coefficients.any()
+    assert not found.squares.any()
