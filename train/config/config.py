@@ -36,15 +36,16 @@ class TrainConfig:
     add the penalty of Eq. 6, with its rule (`ppo.adapt_penalty`) and initial coefficient; kl_target: KL
     divergence per round, for the penalty and for adapt_rate. actor_rate, critic_rate: learning rates;
     adapt_rate: adapt the actor's. discount, gae_lambda: of the advantages. action_std: standard deviation of
-    the exploration, in units of the action; learn_action_std: train it instead. scales: of the terms of the
-    reward; strength: of domain randomization, 0 to 1; body_error: metres. entropy: weight of the entropy;
-    entropy_decay: its factor per round. budget: samples in total; max_budget: as long as no evaluation walks,
-    training goes on to these, 0 to end at the budget. start: SHA-256 of the policy from which
-    training starts, "" for random weights. learning_control: before the first round and after the last, None
-    for none. Schedules are points (samples, value), linear in between.
+    the exploration, in units of the action; ankle_exploration: factor on it at the ankles; learn_action_std:
+    train it instead. scales: of the terms of the reward; strength: of domain randomization, 0 to 1;
+    body_error: metres. entropy: weight of the entropy; entropy_decay: its factor per round. budget: samples
+    in total; max_budget: as long as no evaluation walks, training goes on to these, 0 to end at the budget.
+    start: SHA-256 of the policy from which training starts, "" for random weights. learning_control: before
+    the first round and after the last, None for none. Schedules are points (samples, value), linear in
+    between.
 
-    RecordError (a ValueError) for a count below 1, if `horizon` is not a multiple of the baseline's steps,
-    and for a schedule without points or with points out of order.
+    RecordError (a ValueError) for a count below 1, a factor of 0 or less, if `horizon` is not a multiple of
+    the baseline's steps, and for a schedule without points or with points out of order.
     """
 
     preset: str = "default"
@@ -66,6 +67,7 @@ class TrainConfig:
     gae_lambda: float = 0.95
     learn_action_std: bool = False
     action_std: Schedule = ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))
+    ankle_exploration: float = 1.0
     # Scheduled reward scales: a loose pose term learns to walk sooner; a tight one then fits the joints, once
     # the walk is stable.
     scales: dict[str, Schedule] = field(
@@ -86,6 +88,9 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         require_counts(self, "num_envs", "horizon", "minibatch", "epochs")
+        if not self.ankle_exploration > 0.0:
+            found = f"{self.ankle_exploration}"
+            raise RecordError("ankle_exploration", expected="a factor above 0", found=found)
         schedules = {"action_std": self.action_std, "strength": self.strength}
         schedules |= {f"scales.{name}": schedule for name, schedule in self.scales.items()}
         for name, schedule in schedules.items():
@@ -148,6 +153,8 @@ class TrainConfig:
             del value["body_error"]
         if not self.max_budget:
             del value["max_budget"]
+        if self.ankle_exploration == 1.0:
+            del value["ankle_exploration"]
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
@@ -168,8 +175,8 @@ class TrainConfig:
         """
         if isinstance(value, dict):
             env = value.get("env")
-            later = {"start": "", "body_error": [], "max_budget": 0, "learning_control": None}
-            value = {"baseline": None, **later, **value}
+            later = {"start": "", "body_error": [], "max_budget": 0, "ankle_exploration": 1.0}
+            value = {"baseline": None, "learning_control": None, **later, **value}
             if isinstance(env, dict):
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
                 if isinstance(env["tracking"], dict):

@@ -98,6 +98,10 @@ class Mlp:
         self._input = torch.empty(0, sizes[0], device=device)
         self._buffers = _Buffers(0, sizes, gradient_dtype, device)
 
+    def split(self, flat: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Views of a vector (P,) like `parameters`, as `layers`."""
+        return _layers(flat, self._sizes)
+
     def forward(self, x: Tensor) -> Tensor:
         """Output (N, out) for input (N, in), which must not change until `backward`."""
         if self._buffers.rows != len(x):

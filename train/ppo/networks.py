@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -83,9 +84,10 @@ class Normalizer:
 def export(net: ActorCritic, normalizer: Normalizer, *, critic: bool = False) -> Policy:
     """The actor with its normaliser, and the critic on demand."""
     mean, scale = normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32)
-    value = _copies(net.critic) if critic else ()
-    return Policy(_copies(net.actor), mean, scale, critic=value, limit=normalizer.limit)
+    value = copies(net.critic.layers) if critic else ()
+    return Policy(copies(net.actor.layers), mean, scale, critic=value, limit=normalizer.limit)
 
 
-def _copies(network: Mlp) -> tuple[tuple[Floats, Floats], ...]:
-    return tuple((weight.cpu().numpy().copy(), bias.cpu().numpy().copy()) for weight, bias in network.layers)
+def copies(layers: Sequence[tuple[Tensor, Tensor]]) -> tuple[tuple[Floats, Floats], ...]:
+    """Layers (weight, bias) as a policy has them."""
+    return tuple((weight.cpu().numpy().copy(), bias.cpu().numpy().copy()) for weight, bias in layers)

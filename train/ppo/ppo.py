@@ -22,7 +22,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner.base import TrainingProgress, normalized_loss
 from kinemimic.train.runner.tensors import below, restore_optimizer
-from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.env import ACTIONS, ANKLES
 from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import observation_limits
 
@@ -104,6 +104,7 @@ class PpoAlgorithm:
         c = self.config
         if not c.learn_action_std:
             self.net.log_std.fill_(math.log(scheduled_at(c.action_std, self.progress.samples)))
+            self.net.log_std[ANKLES] += math.log(c.ankle_exploration)
         action_std: Array = self.net.log_std.exp().cpu().numpy()
         return action_std
 
@@ -223,7 +224,11 @@ class PpoAlgorithm:
         return 0.5 * error.square().mean()
 
     def policy(self) -> Policy:
-        """The actor with its normaliser; a tracker's has the critic too."""
+        """What is evaluated and kept."""
+        return self.acting()
+
+    def acting(self) -> Policy:
+        """The actor with its normaliser, as it samples; a tracker's has the critic too."""
         return export(self.net, self.normalizer, critic=self.config.env.tracking is not None)
 
     def record_extras(self) -> dict[str, Any]:

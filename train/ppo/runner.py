@@ -54,7 +54,7 @@ class PpoRunner:
         algorithm, config, samples = self._algorithm, self._algorithm.config, self._algorithm.progress.samples
         self._timer.lap(OTHER)
         found = self._workers.sample(
-            algorithm.policy(),
+            algorithm.acting(),
             algorithm.action_std(),
             config.reward(samples),
             scheduled_at(config.strength, samples),

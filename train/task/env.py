@@ -47,6 +47,8 @@ _REACH = {
 ACTION_SCALE: Array = np.repeat(
     [_REACH[body.name.removesuffix("_left").removesuffix("_right")] for body in BODIES[1:]], 3
 )
+# Of the actions: the ankles.
+ANKLES = [k for k in range(ACTIONS) if BODIES[1 + k // 3].name.startswith("foot")]
 _SUBSTEP_TIMES: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP
 # Names of the timer for the parts of a control step (`timer.py`).
 SIMULATION = "simulation"

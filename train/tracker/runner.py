@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.ppo.mlp import CPU
+from kinemimic.train.ppo.networks import copies
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference_library import ReferenceLibrary
@@ -29,26 +31,50 @@ from kinemimic.train.tracker.motion_sampling import MotionStatistics, Outcome
 from kinemimic.train.tracker.sampler import TrackerSampler
 
 EVALUATION_INTERVAL = 1_048_576  # samples
+# Samples that the policy is an average over: the weights of any one round perform some motions and fall in
+# others, which their mean performs (Izmailov et al. 2018, "Averaging weights leads to wider optima and better
+# generalization").
+AVERAGED = 2_000_000
+EARLY = 0.1  # share of the samples so far that the average is over at most: at first, the latest are the best
 _STATISTICS = ("failures", "lengths")
 
 
 class TrackerAlgorithm(PpoAlgorithm):
-    """PPO that also keeps the `statistics` of the episodes of each of M motions."""
+    """PPO that also keeps the `statistics` of the episodes of each of M motions.
+
+    Its policy has a moving average of the actor's weights.
+    """
 
     def __init__(self, config: TrainConfig, motions: int, device: torch.device = CPU) -> None:
         super().__init__(config, device)
         self.statistics = MotionStatistics(motions, config.env.steps)
+        self._average = self.net.actor.parameters.clone()
+
+    def begin_from(self, policy: Policy) -> None:
+        super().begin_from(policy)
+        self._average.copy_(self.net.actor.parameters)
+
+    def policy(self) -> Policy:
+        return replace(self.acting(), layers=copies(self.net.actor.split(self._average)))
+
+    def update(self, samples: Samples) -> dict[str, float]:
+        logged = super().update(samples)
+        count = samples.terminated.size
+        window = min(AVERAGED, EARLY * self.progress.samples)
+        self._average.lerp_(self.net.actor.parameters, count / max(count, window))
+        return logged
 
     def tensors(self) -> dict[str, Tensor]:
         """All arrays of the state, for a checkpoint."""
         own = {name: torch.from_numpy(getattr(self.statistics, name).copy()) for name in _STATISTICS}
-        return {**super().tensors(), **own}
+        return {**super().tensors(), **own, "average": self._average.to("cpu", copy=True)}
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, object]) -> None:
         """Restore the state from `tensors` and `record`."""
         super().restore(tensors, record)
         for name in _STATISTICS:
             setattr(self.statistics, name, tensors[name].numpy().copy())
+        self._average.copy_(tensors["average"])
 
 
 class TrackerWorkers(Workers):

@@ -81,6 +81,8 @@ def test_a_value_of_another_type_is_refused(place: str, value: object) -> None:
         ("default", "strength", [[0, 0.0], [0, 1.0]]),
         ("default", "scales.pose", [[0, 8.0], [9, 8.0], [5, 8.0]]),
         ("default", "body_error", [[1, 0.5], [0, 0.4]]),
+        ("default", "ankle_exploration", 0.0),
+        ("default", "ankle_exploration", -1.0),
     ],
 )
 def test_damaged_numbers_are_refused(preset_name: str, place: str, value: object) -> None:

@@ -9,6 +9,7 @@ import pytest
 import torch
 from peers.plain_ppo import PlainPPO
 
+from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo import networks
@@ -137,6 +138,15 @@ def test_same_seed_same_bytes() -> None:
             algorithm.update(followed(32, 8))
         found.append({name: value.numpy().tobytes() for name, value in algorithm.tensors().items()})
     assert found[0] == found[1]
+
+
+def test_ankles_explore_by_their_own_factor_in_every_round() -> None:
+    schedule = ((0, 0.08), (1000, 0.02))
+    learner = PpoAlgorithm(replace(TrainConfig(), hidden=(8, 8), action_std=schedule, ankle_exploration=4.0))
+    feet = np.array([body.name.startswith("foot") for body in BODIES[1:] for _ in range(3)])
+    for samples, usual in ((0, 0.08), (0, 0.08), (500, 0.05), (9999, 0.02)):
+        learner.progress.samples = samples
+        assert learner.action_std() == pytest.approx(np.where(feet, 4.0 * usual, usual), rel=1e-6)
 
 
 def test_the_critic_learns_what_is_there_to_learn() -> None:

@@ -13,6 +13,7 @@ import torch
 from peers.inline_workers import InlinePool
 from peers.ray_nodes import RayNodes, node_of
 from peers.trackers import entry, shipped_motion, write_small_library
+from safetensors import safe_open
 from safetensors.numpy import load
 
 from kinemimic.pipeline.cli.progress import reported_to
@@ -22,7 +23,9 @@ from kinemimic.retarget.library.library_file import write_library
 from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import tracker_config
+from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.policy import Policy, is_tracker
+from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.tracker import command, performance, runner
 from kinemimic.train.tracker.command import train_tracker
 from kinemimic.train.tracker.sampler import TrackerSampler
@@ -117,6 +120,49 @@ def test_the_policy_is_a_tracker_with_its_critic(library: Path, tmp_path: Path, 
     assert record["best"]["episodes"] == 2
     # Of a tracker's own interval, and the last one at the end.
     assert [one["samples"] for one in record["evaluations"]] == [2 * ROUND, 4 * ROUND]
+
+
+def test_the_policy_has_the_mean_weights_of_the_last_rounds(
+    library: Path, tmp_path: Path, quick: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By hand, with averages over two rounds: from random weights, and from those of a tracker."""
+    monkeypatch.setattr(runner, "AVERAGED", 2 * ROUND)
+    monkeypatch.setattr(runner, "EARLY", 1.0)
+    weights: list[np.ndarray] = []
+    update = PpoAlgorithm.update
+
+    def noted(self: PpoAlgorithm, samples: Samples) -> dict[str, float]:
+        logged = update(self, samples)
+        weights.append(self.net.actor.parameters.numpy().copy())
+        return logged
+
+    monkeypatch.setattr(PpoAlgorithm, "update", noted)
+    options: dict[str, Any] = {"config": CONFIG, "workers": 1, "engine": "pybullet"}
+    train_tracker(library, tmp_path / "first", **options)
+    average = weights[0]
+    for one in weights[1:]:
+        average = (average + one) / 2
+    state = load((tmp_path / "first/checkpoint.safetensors").read_bytes())
+    np.testing.assert_allclose(state["algorithm.average"], average, atol=1e-7)
+    assert np.abs(average - weights[-1]).max() > 1e-5
+
+    algorithm = runner.TrackerAlgorithm(CONFIG, 2)
+    algorithm.restore({name[10:]: torch.from_numpy(array) for name, array in state.items()
+                       if name.startswith("algorithm.")}, checkpoint_record(tmp_path / "first"))  # fmt: skip
+    kept, acting = (
+        np.concatenate([part.ravel() for layer in policy.layers for part in layer])
+        for policy in (algorithm.policy(), algorithm.acting())
+    )
+    np.testing.assert_array_equal(kept, state["algorithm.average"])
+    np.testing.assert_array_equal(acting, weights[-1])
+    algorithm.begin_from(algorithm.policy())
+    np.testing.assert_array_equal(algorithm.acting().layers[0][0], algorithm.policy().layers[0][0])
+
+
+def checkpoint_record(folder: Path) -> dict[str, Any]:
+    with safe_open(folder / "checkpoint.safetensors", "np") as stream:
+        record: dict[str, Any] = json.loads(stream.metadata()["kinemimic"])
+    return record
 
 
 def test_another_library_is_refused(library: Path, tmp_path: Path, quick: None) -> None:
