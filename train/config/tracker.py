@@ -42,7 +42,7 @@ def tracker_config() -> TrainConfig:
         epochs=5,
         discount=0.97,
         action_std=((0, 0.08), (3_000_000, 0.05), (40_000_000, 0.04), (60_000_000, 0.03)),
-        # The target of an ankle moves the body a quarter (pitch) to a fiftieth (roll) as much as that of a hip:
+        # The target of an ankle moves the body a quarter (pitch) to a fiftieth (roll) as much as a hip's:
         # the stable PD treats the foot as free, also on the ground.
         ankle_exploration=4.0,
         scales={
