@@ -58,15 +58,14 @@ def test_a_correction_is_in_units_of_the_action() -> None:
 def test_a_correction_bends_the_joint_that_it_names(
     batch: ImitationBatch, tracker: tuple[Policy, TrainConfig]
 ) -> None:
-    """In either half of the cycle, of which the policy sees one reflected."""
+    """In either half of the cycle, of which the policy sees one reflected. The policy has not reacted yet."""
     bent = no_corrections(batch)
     bent.table[:, KNEES[0]] = 0.3
     phases = np.arange(4) / 4
     changes = []
     for corrections in (no_corrections(batch), bent):
         batch.reset(np.arange(4), phases)
-        for _ in range(2):
-            corrected_step(batch, tracker[0], corrections)
+        corrected_step(batch, tracker[0], corrections)
         changes.append(-batch.turns[:, 1:].reshape(4, ACTIONS))
     moved = changes[1] - changes[0]
     assert (moved[:, KNEES[0]] > 0.05).all()
