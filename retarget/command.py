@@ -164,7 +164,7 @@ def _as_loop(clip: Clip, bouts: list[Bout], selection: Selection, options: _Opti
 def _as_recorded(clip: Clip, bouts: list[Bout], options: _Options, why: str) -> _Result:
     """The longest bout or pass as recorded; why: what is missing for a loop, "" if nothing is."""
     excerpt = _excerpt(clip, bouts, straighten=bool(options.straighten))
-    fit = fit_noncyclic(clip, excerpt)
+    fit = fit_noncyclic(clip, excerpt, balance=options.balance)
     motion = refine(fit.motion, fit.seen) if options.refined else fit.motion
     chosen = options.segment is not None
     report = noncyclic_report(clip, bouts, excerpt, fit, motion, why, chosen=chosen)

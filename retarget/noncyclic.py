@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.cyclic import FRAME_RATE
-from kinemimic.retarget.feet.balance import upright
+from kinemimic.retarget.feet.balance import EDGE, upright
 from kinemimic.retarget.feet.contact import (
     ANKLE_NODES,
     RECORDED_THRESHOLDS,
@@ -72,13 +72,15 @@ class NonCyclicFit:
     lean: float = 0.0
 
 
-def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
+def fit_noncyclic(clip: Clip, excerpt: Excerpt, *, balance: bool = False) -> NonCyclicFit:
     """Retarget an excerpt of a clip as recorded to the Table 1 body.
 
     Frames are resampled to an even rate, with smooth curves across gaps. The root is scaled by leg length,
     and its height shifted once to the ground. A body that could not stand as it leans is turned upright. Of a
     walk, unreliable parts get the neutral pose of a loop, and the speed is that at which feet in contact do
     not slide.
+
+    balance: turn it further, until a simulated body can stand as it leans.
     """
     frames, p, bout = excerpt.frames, excerpt.positions, excerpt.bout
     if len(frames) < 2:
@@ -125,7 +127,8 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     else:
         if not reliability.feet:
             rotations = flat_feet(rotations)
-        rotations, root, lean = upright(rotations, root, contacts, FRAME_RATE)
+        edge = EDGE if balance else 0.0
+        rotations, root, lean = upright(rotations, root, contacts, FRAME_RATE, edge)
     root[:, :2] -= root[0, :2]
     root[:, 2] -= _ground_height(*body_kinematics(rotations, root), contacts)
     motion = Motion(FRAME_RATE, root, continuous(rotations), contacts, cyclic=False)

@@ -35,15 +35,16 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
 
 
 def tracker_summary(name: str, folder: Path) -> dict[str, Any]:
-    """A shipped tracker as JSON values: its settings, and its scores on the walks of its split "test"."""
+    """A shipped tracker as JSON values: its settings, and its scores on the split "test" by kind."""
     record, scores = read_record(folder / name / RECORD), read_tracker_scores(folder / name / SCORES)
-    walks = next((row for row in scores["summary"] if (row["split"], row["kind"]) == ("test", "walk")), None)
+    unseen = {row["kind"]: row for row in scores["summary"] if row["split"] == "test"}
     return {
         "name": name,
         "description": tracker_recipes(folder)[name].description,
         **{key: record[key] for key in ("preset", "seed", "samples", "engine")},
         "bytes": (folder / name / POLICY).stat().st_size,
-        "unseen_walks": walks,
+        "unseen_walks": unseen.get("walk"),
+        "unseen_motions": unseen.get("motion"),
     }
 
 
@@ -84,9 +85,14 @@ def command(as_json: bool) -> None:
 
 
 def _unseen(tracker: dict[str, Any]) -> str:
-    walks = tracker["unseen_walks"]
+    walks, others = tracker["unseen_walks"], tracker["unseen_motions"]
+    if walks is None and others is not None:
+        return (
+            f"Of {others['motions']} motions without strides that were not in its training, it performs "
+            f"{100 * others['whole']:.0f} % without a fall"
+        )
     if walks is None:
-        return "Not scored on unseen walks."
+        return "Not scored on unseen motions."
     return (
         f"Of {walks['motions']} walks that were not in its training, {100 * walks['whole']:.0f} % have no "
         f"fall from any start phase (R² knee {number(walks['r2_knee'], 3)}, "

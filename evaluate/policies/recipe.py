@@ -38,16 +38,19 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
 class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):
     """Library and settings of a tracker's training.
 
-    test: subjects that are left out; variants: how many; budget: samples; earlier: SHA-256 of policies that
-    had this name before, and from which others that ship were trained.
+    test: subjects that are left out; preset: of `train-tracker`; variants, exercises: how many; budget:
+    samples; earlier: SHA-256 of policies that had this name before, and from which others that ship were
+    trained.
     """
 
     name: str
     description: str
     test: tuple[str, ...]
-    variants: int
     budget: int
     seed: int
+    preset: str = "tracker"
+    variants: int = 0
+    exercises: int = 0
     earlier: tuple[str, ...] = ()
 
 

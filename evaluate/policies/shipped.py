@@ -26,9 +26,10 @@ from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.tracker import STANDING, TRACKER
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
-from kinemimic.train.tracker.suitability import unsuitable
+from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
 POLICY, RECORD, MOTION, SCORES = "policy.safetensors", "policy.json", "motion.json", "scores.json"
 GAIT = "gait.json"
@@ -91,8 +92,7 @@ class ShippedPolicies:
         return tuple(name for name in tracker_recipes(self.folder) if (self.folder / name / POLICY).is_file())
 
     def _prepare_tracker(self, name: str, run: Path, capture: Path | None) -> None:
-        source = tracker_path(name, self.folder).parent
-        load_tracker(source / POLICY)
+        load_tracker(tracker_path(name, self.folder))
         if capture is not None:
             raise KinemimicError(
                 f"--capture: expected none for {name}, which is not bound to one recording; "
@@ -107,13 +107,27 @@ class ShippedPolicies:
         report = read_gait_json(run / GAIT, motion) if (run / GAIT).exists() else None
         if found := unsuitable(motion, report):
             raise KinemimicError(
-                f"{run / MOTION}: expected a gait on level ground, all that {name} has learned, found "
-                f"{found}; train a policy for this motion with `kinemimic train`"
+                f"{run / MOTION}: expected a motion on its feet and on level ground, all that {name} has "
+                f"learned, found {found}; train a policy for this motion with `kinemimic train`"
             )
+        if name in self.trackers():
+            name = self._learned(name, motion, report, run)
+        source = tracker_path(name, self.folder).parent
         if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source / POLICY):
             raise KinemimicError(f"{run}: expected policy {name!r}, found another; choose another --run")
         for part in (RECORD, POLICY):
             copy_file(source / part, run / part)
+
+    def _learned(self, name: str, motion: Motion, report: Mapping[str, Any] | None, run: Path) -> str:
+        """The shipped tracker that has learned such motions: `standing` in the place of `tracker` for one
+        without strides. KinemimicError for `standing` and a gait."""
+        still = without_strides(motion, report)
+        if name == STANDING and not still:
+            raise KinemimicError(
+                f"{run / MOTION}: expected a motion without strides, all that {STANDING} has learned, found "
+                f"a gait; use --policy {TRACKER}"
+            )
+        return STANDING if name == TRACKER and still and STANDING in self.trackers() else name
 
     def _prepare(self, name: str, run: Path, capture: Path | None) -> None:
         source = self.folder / name

@@ -30,12 +30,12 @@ from kinemimic.pipeline.run_folder.stage import stage, state_options, up_to_date
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.options import retarget_options
+from kinemimic.train.config.tracker import STANDING, TRACKER
 from kinemimic.train.options import training_options
 from kinemimic.train.sim.options import engine_option
-from kinemimic.train.tracker.suitability import unsuitable
+from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
 VIRTUAL_SEED = 0
-DEFAULT_START = "tracker"
 # The options of stages that `run` passes on.
 STAGE_OPTIONS: Mapping[str, Decorator] = {
     "ingest": ingest_options,
@@ -75,7 +75,7 @@ def run(
     options: stage -> its command's options without the dashes; True is a flag, None the command's default.
     stages: the first stages of RUN_STAGES, to stop before `evaluate` and its scores. policy: a tracker, by
     name or folder, which performs the motion instead of training. from_scratch: train from random weights;
-    otherwise training on a gait starts from the shipped tracker, unless the options name a start or a preset.
+    otherwise training starts from a shipped tracker, unless the options name a start or a preset.
     overwrite: set the results of another capture in the folder aside, instead of refusing. quiet: print
     nothing.
     Raises what the stages raise; finished stages stay recorded.
@@ -145,16 +145,16 @@ def for_tracker(options: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[s
 
 
 def default_start(folder: Path) -> dict[str, str]:
-    """Options of `train` that start from the shipped tracker; none if it has not learned such motions."""
+    """Options of `train` that start from a shipped tracker; none if none has learned such motions."""
     from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
 
     motion = read_motion_json(folder / "motion.json")
     gait = folder / "gait.json"
     report = read_gait_json(gait, motion) if gait.exists() else None
-    known = (
-        motion.cyclic and unsuitable(motion, report) is None and DEFAULT_START in ShippedPolicies().trackers()
-    )
-    return {"from": DEFAULT_START} if known else {}
+    if unsuitable(motion, report) is not None:
+        return {}
+    start = TRACKER if motion.cyclic else STANDING if without_strides(motion, report) else None
+    return {"from": start} if start in ShippedPolicies().trackers() else {}
 
 
 def _record_virtual(folder: Path) -> None:
@@ -218,12 +218,13 @@ def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) ->
 @click.option(
     "--policy",
     metavar="POLICY",
-    help="Perform the motion with a tracker instead of training: `tracker` (shipped), or a folder with one.",
+    help="Perform the motion with a tracker instead of training: `tracker`, for which `standing` stands in "
+    "without strides, or a folder with one.",
 )
 @click.option(
     "--from-scratch",
     is_flag=True,
-    help="Train from random weights instead of the shipped tracker. Takes several times as long.",
+    help="Train from random weights instead of a shipped tracker. Takes several times as long.",
 )
 @overwrite_option
 @json_option("Print the stages that were run, and the scores, as JSON.")
@@ -239,7 +240,8 @@ def command(
     """Run every stage on CAPTURE, up to the scores; without CAPTURE, on a walk of the virtual Kinect.
 
     Stages whose inputs and options have not changed are skipped. The run folder is named after the capture.
-    Training on a walk or run starts from the shipped tracker; training on other motions starts from scratch.
+    Training starts from a shipped tracker: on a walk or run from `tracker`, on a motion without strides from
+    `standing`. On other motions it starts from scratch.
 
     \b
       kinemimic run

@@ -45,6 +45,8 @@ LIFT = (0.04, 0.4)  # m
 TURNED_OUT = (0.0, 0.3)  # rad, of the feet
 SQUAT = (0.0, 0.33)  # m, of the pelvis, with both feet on the ground
 SQUATS = 0.5  # probability
+# m, ahead and to the left, of the centre of mass from the middle of what carries it: people and sensors lean.
+SWAY = ((-0.05, 0.05), (-0.03, 0.03))
 REACH = 0.772  # m: largest distance of hip and ankle
 ANKLE_HEIGHT = 0.05  # m, of a flat foot
 ATTEMPTS = 50
@@ -114,7 +116,7 @@ def _draw(random: np.random.Generator) -> Motion:
     spine = NODE_INDEX["spine"]
     rotations[:, spine] = multiply(rotations[:, spine], from_axis_angle("Y", drop * random.uniform(0.0, 1.5)))
     height = STANDING_HEIGHT - random.uniform(0.005, 0.04) - drop
-    root = _balanced(rotations, feet, height)
+    root = _balanced(rotations, feet, height, _curve(frames, SWAY, random))
     for joint in LIMITS:
         rotations[:, NODE_INDEX[joint]] = clamp_to_limits(joint, rotations[:, NODE_INDEX[joint]])
     return Motion(
@@ -126,13 +128,14 @@ def _draw(random: np.random.Generator) -> Motion:
     )
 
 
-def _balanced(rotations: Array, feet: _Feet, height: Array) -> Array:
-    """Root (T, 3) that puts the centre of mass over the feet that carry it; the legs of `rotations` (T, 20,
-    4) are set to reach the feet. height: (T,) of the root, m; less where a leg is too short."""
+def _balanced(rotations: Array, feet: _Feet, height: Array, sway: Array) -> Array:
+    """Root (T, 3) that puts the centre of mass over the feet that carry it, but for the sway (T, 2) along
+    them; the legs of `rotations` (T, 20, 4) are set to reach the feet. height: (T,) of the root, m; less
+    where a leg is too short."""
     forward = np.stack([np.cos(feet.yaw), np.sin(feet.yaw), np.zeros_like(feet.yaw)], axis=-1)
     soles = feet.ankles + 0.04 * forward
     share = feet.share[:, None]
-    wanted = (share * soles[:, 0] + (1.0 - share) * soles[:, 1])[:, :2]
+    wanted = (share * soles[:, 0] + (1.0 - share) * soles[:, 1])[:, :2] + sway
     root = np.column_stack([wanted, height])
     for _ in range(4):
         root[:, 2] = np.minimum(height, _reachable(rotations[:, 0], root, feet))

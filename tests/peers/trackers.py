@@ -20,8 +20,8 @@ from kinemimic.train.task.observation import observation_size
 CONFIG = replace(tracker_config(), hidden=(4,))
 
 
-def write_idle_tracker(folder: Path) -> Path:
-    """policy.safetensors and policy.json of a tracker whose actions are all zero."""
+def write_idle_tracker(folder: Path, preset: str = CONFIG.preset) -> Path:
+    """policy.safetensors and policy.json of a tracker whose actions are all zero, trained with `preset`."""
     size = observation_size(CONFIG.env)
     layers = tuple(
         (np.zeros(shape, np.float32), np.zeros(shape[0], np.float32)) for shape in ((4, size), (ACTIONS, 4))
@@ -29,7 +29,7 @@ def write_idle_tracker(folder: Path) -> Path:
     critic = (layers[0], (np.zeros((1, 4), np.float32), np.zeros(1, np.float32)))
     policy = Policy(layers, np.zeros(size, np.float32), np.ones(size, np.float32), critic=critic)
     record = {
-        "preset": CONFIG.preset,
+        "preset": preset,
         "samples": 7,
         "seed": 3,
         "engine": "native",

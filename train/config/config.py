@@ -155,8 +155,8 @@ class TrainConfig:
             del value["max_budget"]
         if self.ankle_exploration == 1.0:
             del value["ankle_exploration"]
-        for name in ("scenario", "tracking"):
-            if getattr(self.env, name) is None:
+        for name in ("scenario", "tracking", "balance"):
+            if not getattr(self.env, name):
                 del value["env"][name]
         for key, later in (("domain_randomization", LATER_RANGES), ("tracking", LATER_LIMITS)):
             stated = value["env"].get(key, {})
@@ -178,7 +178,7 @@ class TrainConfig:
             later = {"start": "", "body_error": [], "max_budget": 0, "ankle_exploration": 1.0}
             value = {"baseline": None, "learning_control": None, **later, **value}
             if isinstance(env, dict):
-                value["env"] = env = {"scenario": None, "tracking": None, **env}
+                value["env"] = env = {"scenario": None, "tracking": None, "balance": False, **env}
                 if isinstance(env["tracking"], dict):
                     env["tracking"] = {**LATER_LIMITS, **env["tracking"]}
                 drawn = env.get("domain_randomization")

@@ -112,7 +112,8 @@ class EnvConfig:
     effect on non-cyclic or too asymmetric motions (`mirror.py`). preview: how many control steps ahead the
     policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
     the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion
-    (`mirror.py`).
+    (`mirror.py`). balance: ankles and hips keep the humanoid over its standing feet, and actions correct that
+    too (`task/balance.py`).
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -129,6 +130,7 @@ class EnvConfig:
     domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
     scenario: Scenario | None = None
     tracking: Tracking | None = None
+    balance: bool = False
 
     def __post_init__(self) -> None:
         if not self.preview:

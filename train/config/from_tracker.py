@@ -15,10 +15,14 @@ from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.config.presets import PRESETS
 
 # Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
-POLISH, ROBUST_POLISH = "polish", "robust-polish"
+POLISH, STANDING_POLISH, ROBUST_POLISH = "polish", "standing-polish", "robust-polish"
 NAMES: Mapping[str, str] = {"default": POLISH, "robust": ROBUST_POLISH}
-TRAIN_OPTIONS: Mapping[str, str] = {POLISH: "--from tracker", ROBUST_POLISH: "--from tracker --preset robust"}
-BUDGETS: Mapping[str, int] = {POLISH: 280_000, ROBUST_POLISH: 9_500_000}
+TRAIN_OPTIONS: Mapping[str, str] = {
+    POLISH: "--from tracker",
+    STANDING_POLISH: "--from standing",
+    ROBUST_POLISH: "--from tracker --preset robust",
+}
+BUDGETS: Mapping[str, int] = {POLISH: 280_000, STANDING_POLISH: 500_000, ROBUST_POLISH: 9_500_000}
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 
 
@@ -43,6 +47,13 @@ def polish(tracker: TrainConfig) -> TrainConfig:
         budget=BUDGETS[POLISH],
         max_budget=MAX_POLISH,
         learning_control=LearningControl(interval=49_152),
+    )
+
+
+def standing_polish(tracker: TrainConfig) -> TrainConfig:
+    """The same on a motion on the spot, which does not repeat: learning control needs a loop."""
+    return replace(
+        polish(tracker), preset=STANDING_POLISH, budget=BUDGETS[STANDING_POLISH], learning_control=None
     )
 
 
@@ -97,6 +108,7 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
 
 _SETTINGS: Mapping[str, Callable[[TrainConfig], TrainConfig]] = {
     POLISH: polish,
+    STANDING_POLISH: standing_polish,
     ROBUST_POLISH: robust_polish,
 }
 
@@ -104,8 +116,16 @@ _SETTINGS: Mapping[str, Callable[[TrainConfig], TrainConfig]] = {
 def from_tracker(preset: str, tracker: TrainConfig, start: str, seed: int = 0) -> TrainConfig:
     """Settings for the policy with hash `start`, which was trained with the settings `tracker`.
 
-    preset: `default` or `robust`; KinemimicError for another, which has no settings for a tracker.
+    preset: `default` or `robust`; KinemimicError for another, which has no settings for a tracker, and for
+    `robust` with a tracker of motions on the spot.
     """
     if preset not in NAMES:
         raise KinemimicError(f"--from: expected --preset robust, or none, found {preset}")
-    return replace(_SETTINGS[NAMES[preset]](tracker), start=start, seed=seed)
+    name = NAMES[preset]
+    if tracker.env.balance:
+        if name != POLISH:
+            raise KinemimicError(
+                f"--preset {preset}: expected a tracker of gaits in --from, found `standing`"
+            )
+        name = STANDING_POLISH
+    return replace(_SETTINGS[name](tracker), start=start, seed=seed)

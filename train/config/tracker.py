@@ -1,11 +1,14 @@
-"""Settings of a tracker's training."""
+"""Settings of the trainings of trackers: for gaits, and for motions on the spot."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import DomainRandomization, EnvConfig, RewardConfig, Tracking
 
-TRACKER = "tracker"
+TRACKER, STANDING = "tracker", "standing"
 
 
 # Learning rate of the actor when training starts from a tracker: until it adapts, the usual rate would undo
@@ -14,7 +17,7 @@ START_RATE = 4e-5
 
 
 def tracker_config() -> TrainConfig:
-    """Settings of the tracker that ships.
+    """Settings of the tracker that ships for walks and runs.
 
     The preview reaches 0.4 s ahead. Exploration narrows, and the pose counts more, as the tracker learns to
     stay upright. Then come what makes it keep up with walks that it has never seen: starts beside the
@@ -54,3 +57,35 @@ def tracker_config() -> TrainConfig:
         body_error=((54_000_000, 0.5), (60_000_000, 0.4)),
         budget=60_000_000,
     )
+
+
+def standing_config() -> TrainConfig:
+    """Settings of the tracker that ships for motions on the spot.
+
+    Balance is part of the task. Starts are on the reference: from beside it, the humanoid would have to walk.
+    """
+    config = tracker_config()
+    return replace(
+        config,
+        preset=STANDING,
+        env=replace(
+            config.env,
+            balance=True,
+            tracking=Tracking(max_body_error=0.5, leash=0.3, limit=3.0, arm_limit=3.0),
+            domain_randomization=DomainRandomization(tilt=0.03, spin=0.15),
+        ),
+        hidden=(256, 128),
+        num_envs=512,
+        action_std=((0, 0.05), (10_000_000, 0.03)),
+        scales={"pose": ((1_000_000, 8.0), (6_000_000, 24.0))},
+        strength=((0, 1.0),),
+        body_error=(),
+        budget=8_100_000,
+    )
+
+
+# Settings by the name of the preset.
+TRACKER_PRESETS: Mapping[str, Callable[[], TrainConfig]] = {
+    TRACKER: tracker_config,
+    STANDING: standing_config,
+}

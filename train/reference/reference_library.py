@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,16 @@ class ReferenceLibrary:
         self.cyclic = np.array(cyclic)
         self.cycle_offsets = np.array(offsets)
         self.tables = {name: np.concatenate([part.pop(name) for part in parts]) for name in _TABLES}
+
+    @classmethod
+    def joined(cls, parts: Sequence[ReferenceLibrary]) -> ReferenceLibrary:
+        """The motions of all parts, one after the other; the parts lose their tables, for memory."""
+        library = cls.__new__(cls)
+        for name in _ARRAYS:
+            setattr(library, name, np.concatenate([getattr(part, name) for part in parts]))
+        library.starts = np.cumsum([0, *library.rows[:-1]])
+        library.tables = {name: np.concatenate([part.tables.pop(name) for part in parts]) for name in _TABLES}
+        return library
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -13,7 +13,7 @@ from typing import Literal
 from kinemimic.train.config.budget import short
 from kinemimic.train.config.from_tracker import BUDGETS, TRAIN_OPTIONS
 from kinemimic.train.config.presets import PRESETS
-from kinemimic.train.config.tracker import TRACKER
+from kinemimic.train.config.tracker import TRACKER_PRESETS
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import WALKING_R2
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -188,8 +188,8 @@ def _advice(
         return
     if not training.finished:
         return
-    if training.preset == TRACKER:
-        yield f"Train it further on this motion: `kinemimic train{where} --from tracker`."
+    if training.preset in TRACKER_PRESETS:
+        yield f"Train it further on this motion: `kinemimic train{where} --from {training.preset}`."
         return
     options = where if training.preset in ("", "default") else f"{where} --preset {training.preset}"
     budget = PRESETS.get(training.preset, PRESETS["default"]).budget

@@ -25,6 +25,7 @@ from kinemimic.train.sim.world import (
     Poses,
     World,
 )
+from kinemimic.train.task.balance import balance_turns
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.mirror import Mirror, left_foot_behind, mirrored
 from kinemimic.train.task.observation import observe
@@ -197,6 +198,8 @@ class ImitationBatch:
         """One control step with actions (E, 42): corrections of the reference's joints as rotation vectors;
         in the second half of a mirrored cycle they are those of the mirror image (`mirror.py`)."""
         actions = self.reflected(actions)
+        if self.config.balance:
+            actions += balance_turns(self.bodies, self.target).reshape(-1, ACTIONS) / self._scale
         at = self.phases[:, None] + _SUBSTEP_TIMES / np.reshape(self.reference.duration, (-1, 1))
         joints, velocities = self._targets(at)
         # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.

@@ -18,9 +18,10 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.library.library_file import MANIFEST, read_library
+from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.config.budget import MINUTES, samples
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.tracker import START_RATE, tracker_config
+from kinemimic.train.config.tracker import STANDING, START_RATE, TRACKER, TRACKER_PRESETS
 from kinemimic.train.reference.reference_library import ReferenceLibrary
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
@@ -43,6 +44,7 @@ def train_tracker(
     source: Path,
     out: Path,
     *,
+    preset: str = TRACKER,
     config: TrainConfig | None = None,
     start: str | None = None,
     budget: int | None = None,
@@ -58,7 +60,8 @@ def train_tracker(
     Writes policy.safetensors, policy.json, checkpoint.safetensors and TensorBoard's curves to `out`; the next
     call resumes from the checkpoint, with the same result as one call. The policy that is kept is the best of
     the evaluations on EVALUATED motions of the split "train": no motion of the split "test" chooses it.
-    config: settings in place of `tracker_config`; start: name or folder of a tracker to start from, whose
+    preset: of TRACKER_PRESETS; `standing` trains on the motions without strides alone. config: settings in
+    place of the preset's; start: name or folder of a tracker to start from, whose
     samples count towards the budget and the schedules; budget, minutes, seed, workers, engine, ray: as
     for `train`; device: "cuda" updates the networks on a GPU, whose rounding differs from the CPU's.
     KinemimicError without a motion to train on or without that GPU, and for a checkpoint of another library
@@ -71,7 +74,7 @@ def train_tracker(
             out,
             where,
             updated_on,
-            config,
+            config or TRACKER_PRESETS[preset](),
             start,
             budget,
             minutes,
@@ -97,7 +100,7 @@ def _train(
     out: Path,
     where: Simulators,
     device: torch.device,
-    config: TrainConfig | None,
+    config: TrainConfig,
     start: str | None,
     budget: int | None,
     minutes: float | None,
@@ -106,10 +109,8 @@ def _train(
     engine: str,
 ) -> dict[str, Any]:
     timer, library, identity = Timer(), read_library(source), file_hash(source / MANIFEST)
-    trained = library.select("train")
-    if not len(trained):
-        raise KinemimicError(f"{source}: expected motions to train on, found only those left out for tests")
-    config = replace(config or tracker_config(), seed=seed)
+    trained = _trained(library, config, source)
+    config = replace(config, seed=seed)
     if budget is not None:
         config = replace(config, budget=budget)
     initial = None
@@ -151,6 +152,22 @@ def _train(
     return policy.write(finished=True)
 
 
+def _trained(library: MotionLibrary, config: TrainConfig, source: Path) -> NDArray[np.intp]:
+    """Motions (N,) of the split "train" that these settings are for."""
+    trained = library.select("train")
+    if not len(trained):
+        raise KinemimicError(f"{source}: expected motions to train on, found only those left out for tests")
+    if config.preset != STANDING:
+        return trained
+    still = trained[[library.entries[index].kind == "motion" for index in trained]]
+    if not len(still):
+        raise KinemimicError(
+            f"{source}: expected motions without strides to train on, found walks and runs; "
+            "`kinemimic library --exercises 3000` adds some"
+        )
+    return still
+
+
 def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
     """Motions of the evaluations: EVALUATED of them, drawn by the seed."""
     return np.sort(np.random.default_rng(seed).permutation(count)[:EVALUATED])
@@ -160,9 +177,11 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
 @click.argument("library", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help="Folder of the policy and its checkpoint.")  # fmt: skip
+@click.option("--preset", type=click.Choice(list(TRACKER_PRESETS)), default=TRACKER, show_default=True,
+              help="tracker: any motions; standing: those without strides, on the spot.")  # fmt: skip
 @click.option("--from", "start", metavar="POLICY",
               help="Start from this tracker, a name or a folder; --budget includes its samples.")  # fmt: skip
-@click.option("--budget", type=samples, help="Samples (control steps) in total. Default: 60M.")
+@click.option("--budget", type=samples, help="Samples (control steps) in total. Default: the preset's.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @click.option("--device", type=click.Choice(DEVICES), default="cpu", show_default=True,
@@ -174,6 +193,7 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
 def command(
     library: Path,
     out: Path,
+    preset: str,
     start: str | None,
     budget: int | None,
     minutes: float | None,
@@ -193,8 +213,8 @@ def command(
       kinemimic train-tracker runs/library --out runs/tracker --budget 60M
     """
     record = train_tracker(
-        library, out, start=start, budget=budget, minutes=minutes, seed=seed, workers=workers, engine=engine,
-        ray=ray, device=device,
+        library, out, preset=preset, start=start, budget=budget, minutes=minutes, seed=seed, workers=workers,
+        engine=engine, ray=ray, device=device,
     )  # fmt: skip
     if as_json:
         click.echo(json.dumps(record, indent=2))

@@ -1,4 +1,4 @@
-"""What no tracker here has learned, found in the motion itself."""
+"""Which motions the trackers have learned, found in the motion itself."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 LOW = 0.15
 LOWEST_HIP = 0.55  # of its height in standing
 LARGEST_LEAN = np.radians(60.0)  # of the pelvis
+SLOWEST_WALK = 0.3  # m/s
 CLIMB = 0.25  # m, of the hip between start and end
 # Radians of a path, with a climb of so many metres in the capture. People walk up a ramp almost as on level
 # ground; paths steeper than one in eight, the steepest ramps that are built for walking, are stairs.
@@ -23,8 +24,22 @@ STEEP = np.arctan(1.0 / 8.0)
 _PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in ("left", "right")), "head"]
 
 
+def without_strides(motion: Motion, report: Mapping[str, Any] | None = None) -> bool:
+    """Whether a motion is no gait, but an exercise or a gesture.
+
+    report: its gait.json, if there is one, which knows the strides; without it, a motion that does not repeat
+    and comes forward more slowly than anyone walks is none.
+    """
+    if report is not None and "kind" in report:
+        return bool(report["kind"] == "motion")
+    way = float(np.linalg.norm((motion.root[-1] - motion.root[0])[:2]))
+    return not motion.cyclic and way < SLOWEST_WALK * motion.duration
+
+
 def unsuitable(motion: Motion, report: Mapping[str, Any] | None = None) -> str | None:
-    """What shows that a motion is not a gait on level ground, all that trackers know; None if nothing does.
+    """What shows that a motion does not stay on its feet, on level ground; None if nothing does.
+
+    No tracker has learned others.
 
     report: its gait.json, if there is one, which knows whether a loop's capture climbed.
     """

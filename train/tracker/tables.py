@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.cli.progress import progress
-from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.reference.reference_library import ReferenceLibrary
 
 TABLES = "references"  # folder beside a tracker's policy
+CHUNK = 20  # motions of a task
 
 
 def reference_tables(library: MotionLibrary, motions: NDArray[np.intp], out: Path, identity: str) -> Path:
@@ -22,13 +22,9 @@ def reference_tables(library: MotionLibrary, motions: NDArray[np.intp], out: Pat
     stamp = folder / "library"
     if not stamp.exists() or stamp.read_text() != identity:
         stamp.unlink(missing_ok=True)
-        with progress("references", len(motions), unit="motions") as bar:
-
-            def each() -> Iterator[Motion]:
-                for index in motions:
-                    yield library.motion(int(index))
-                    bar.advance(1)
-
-            ReferenceLibrary(each()).save(folder)
+        parts = [motions[k : k + CHUNK] for k in range(0, len(motions), CHUNK)]
+        tasks = [[library.motion(int(index)) for index in part] for part in parts]
+        with progress("references", len(tasks), unit=f"chunks of {CHUNK}") as bar:
+            ReferenceLibrary.joined(parallel_map(ReferenceLibrary, tasks, progress=bar.advance)).save(folder)
         stamp.write_text(identity)
     return folder

@@ -23,6 +23,8 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.library.exercises import exercise
+from kinemimic.train.config.tracker import STANDING
 from kinemimic.train.rollout.policy import load_trained
 
 
@@ -276,7 +278,29 @@ def test_the_list_shows_trackers_too(with_tracker: ShippedPolicies) -> None:
     found = json.loads(CliRunner().invoke(policies.command, ["--json"], obj=with_tracker).output)
     assert found[-1]["unseen_walks"]["motions"] == 4
     write_json(with_tracker.folder / "tracker/scores.json", {"summary": []})
-    assert "Not scored on unseen walks" in CliRunner().invoke(policies.command, obj=with_tracker).output
+    assert "Not scored on unseen motions" in CliRunner().invoke(policies.command, obj=with_tracker).output
+    still = {**row, "kind": "motion", "motions": 6, "whole": 0.5}
+    write_json(with_tracker.folder / "tracker/scores.json", {"summary": [still]})
+    listed = CliRunner().invoke(policies.command, obj=with_tracker)
+    assert "Of 6 motions without strides that were not in its training, it performs 50 %" in listed.output
+
+
+def test_a_motion_without_strides_gets_the_tracker_that_has_learned_such(
+    with_tracker: ShippedPolicies, tmp_path: Path, walk: Motion
+) -> None:
+    write_idle_tracker(with_tracker.folder / "standing", STANDING)
+    recipe = (with_tracker.folder / "recipes.toml").read_text()
+    lines = recipe[recipe.index("[[tracker]]") :].replace('"tracker"', f'"{STANDING}"')
+    write_text(with_tracker.folder / "recipes.toml", f"{recipe}\n\n{lines}")
+    still = tmp_path / "still"
+    write_text(still / MOTION, motion_to_json(exercise(0, 0)))
+    with_tracker.prepare("tracker", still)
+    assert load_trained(still)[2]["preset"] == STANDING
+    gait = tmp_path / "gait"
+    write_text(gait / MOTION, motion_to_json(walk))
+    with pytest.raises(KinemimicError, match=r"expected a motion without strides, .* use --policy tracker"):
+        with_tracker.prepare(STANDING, gait)
+    assert not (gait / POLICY).exists()
 
 
 def test_a_tracker_may_be_a_folder(with_tracker: ShippedPolicies, tmp_path: Path, walk: Motion) -> None:

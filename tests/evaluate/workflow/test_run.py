@@ -27,6 +27,7 @@ from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.retarget.library.exercises import exercise
 
 NAMES = RUN_STAGES
 
@@ -114,13 +115,14 @@ def test_a_training_starts_from_the_tracker_unless_told_otherwise(
         assert ran == ("train", "evaluate", "view")
 
 
-def test_only_gaits_start_from_the_tracker(tmp_path: Path) -> None:
+def test_gaits_start_from_the_tracker_and_exercises_from_the_standing_one(tmp_path: Path) -> None:
     walk = shipped_motion("walk")
     sunk = walk.root - [0.0, 0.0, 0.6]
     for motion, found in (
         (walk, {"from": "tracker"}),
         (replace(walk, cyclic=False, cycle_offset=np.zeros(3)), {}),
         (replace(walk, root=sunk), {}),
+        (exercise(0, 0), {"from": "standing"}),
     ):
         (tmp_path / "motion.json").write_text(motion_to_json(motion))
         assert default_start(tmp_path) == found

@@ -6,7 +6,7 @@ import pytest
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.retarget.feet.balance import LARGEST_LEAN, MARGIN, centre_of_mass, upright
+from kinemimic.retarget.feet.balance import EDGE, LARGEST_LEAN, MARGIN, centre_of_mass, upright
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
@@ -94,6 +94,19 @@ def test_the_turn_has_a_limit() -> None:
     rotations, root = leaning(np.radians(40.0))
     _, _, lean = upright(rotations, root, np.ones((FRAMES, 2), dtype=np.bool_))
     assert lean == pytest.approx(LARGEST_LEAN)
+
+
+def test_for_a_simulated_body_the_edges_of_the_soles_do_not_count() -> None:
+    """It stands on its toes: turned until the centre of mass is over the middle of the feet."""
+    rotations, root = leaning(np.radians(6.0))
+    contacts = np.ones((FRAMES, 2), dtype=np.bool_)
+    assert upright(rotations, root, contacts)[2] == 0.0
+    turned, path, lean = upright(rotations, root, contacts, edge=EDGE)
+    assert 0.0 < np.degrees(lean) < 6.0
+    positions, frames = body_kinematics(turned, path)
+    soles = sole_positions(positions, frames).reshape(FRAMES, 8, 3)[..., 0]
+    centre = centre_of_mass(positions, frames)[:, 0]
+    assert (centre < soles.max(axis=1) - EDGE).all()
 
 
 def test_only_feet_that_stand_carry() -> None:

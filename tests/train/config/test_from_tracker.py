@@ -11,7 +11,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.config.from_tracker import BUDGETS, NAMES, TRAIN_OPTIONS, from_tracker
 from kinemimic.train.config.presets import PRESETS
-from kinemimic.train.config.tracker import tracker_config
+from kinemimic.train.config.tracker import standing_config, tracker_config
 
 TRACKER = tracker_config()
 
@@ -55,6 +55,17 @@ def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
     assert robust.env.max_height_error > polish.env.max_height_error
     # It comes back to the reference in the end.
     assert robust.measured_env.reward.weights["path"] > polish.measured_env.reward.weights["path"]
+
+
+def test_a_tracker_of_motions_on_the_spot_is_polished_without_learning_control() -> None:
+    found = from_tracker("default", standing_config(), "f00d", 3)
+    assert found.preset == "standing-polish"
+    assert found.env.balance
+    assert found.learning_control is None
+    assert found.budget == BUDGETS[found.preset]
+    assert TRAIN_OPTIONS[found.preset] == "--from standing"
+    with pytest.raises(KinemimicError, match="--preset robust: expected a tracker of gaits in --from"):
+        from_tracker("robust", standing_config(), "f00d")
 
 
 def test_other_presets_have_no_settings_for_a_tracker() -> None:

@@ -49,6 +49,15 @@ def test_every_environment_follows_its_own_motion(motions: list[Motion], library
         assert angle_between(followed.nodes(phases)[row], own.nodes(phases[row])).max() < 2e-3
 
 
+def test_parts_join_to_the_same_library(motions: list[Motion], library: ReferenceLibrary) -> None:
+    joined = ReferenceLibrary.joined([ReferenceLibrary(motions[:1]), ReferenceLibrary(motions[1:])])
+    assert len(joined) == len(motions)
+    for name in ("rows", "starts", "durations", "cyclic", "cycle_offsets"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(library, name))
+    for name, table in library.tables.items():
+        np.testing.assert_array_equal(joined.tables[name], table)
+
+
 def test_duration_and_cycles_are_those_of_the_followed_motion(
     motions: list[Motion], library: ReferenceLibrary
 ) -> None:

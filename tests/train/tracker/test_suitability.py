@@ -8,7 +8,8 @@ from peers.trackers import shipped_motion
 
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.tracker.suitability import unsuitable
+from kinemimic.retarget.library.exercises import exercise
+from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
 
 @pytest.fixture(scope="module")
@@ -19,6 +20,15 @@ def walk() -> Motion:
 @pytest.mark.parametrize("name", ["walk", "run"])
 def test_walks_and_runs_are_suitable(name: str) -> None:
     assert unsuitable(shipped_motion(name)) is None
+
+
+def test_exercises_have_no_strides(walk: Motion) -> None:
+    assert without_strides(exercise(0, 0))
+    assert not without_strides(walk)
+    assert not without_strides(replace(walk, cyclic=False))
+    # The report knows the strides.
+    assert without_strides(walk, {"kind": "motion"})
+    assert not without_strides(exercise(0, 0), {"kind": "walk"})
 
 
 def leaning(motion: Motion, degrees: float) -> Motion:

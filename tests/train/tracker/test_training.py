@@ -19,6 +19,7 @@ from safetensors.numpy import load
 from kinemimic.pipeline.cli.progress import reported_to
 from kinemimic.pipeline.cli.progress_state import ProgressState
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.library.exercises import exercise
 from kinemimic.retarget.library.library_file import write_library
 from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.config.config import TrainConfig
@@ -58,6 +59,20 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in ("policy.safetensors", "checkpoint.safetensors")}
+
+
+def test_the_standing_preset_trains_on_motions_without_strides(
+    library: Path, tmp_path: Path, quick: None
+) -> None:
+    config = replace(CONFIG, preset="standing", budget=ROUND)
+    with pytest.raises(KinemimicError, match=r"expected motions without strides to train on, .* --exercises"):
+        train_tracker(library, tmp_path / "none", config=config, workers=1, engine="pybullet")
+    still = exercise(0, 0)
+    walk = shipped_motion("walk")
+    entries = [entry("walk", "a", "train", walk), entry("still", "b", "train", still, "motion")]
+    write_library(tmp_path / "both", MotionLibrary.of([walk, still], entries), {})
+    train_tracker(tmp_path / "both", tmp_path / "run", config=config, workers=1, engine="pybullet")
+    assert np.load(tmp_path / "run/references/durations.npy").tolist() == pytest.approx([still.duration])
 
 
 def test_a_pause_does_not_change_a_bit(library: Path, tmp_path: Path, quick: None) -> None:
