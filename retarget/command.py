@@ -66,7 +66,8 @@ def retarget(
     straighten: True walks straight ahead, False keeps the turns of the walk; None: straight for a loop.
     segment: name or times of a segment, as `inspect` lists them (`locomotion.segments`); None takes the
         longest usable walk and those like it, or, without a walk, the longest pass as recorded.
-    balance: displace the root of a depth sensor's walk until its zero-moment point is nearer to the soles.
+    balance: displace the root of a depth sensor's walk until its zero-moment point is nearer to the soles;
+        turn a body that stands on the spot until its centre of mass is over the middle of the feet.
 
     KinemimicError if the capture has no pass, for an unknown segment, and for a loop (loop=True) without
     usable strides or with straighten=False.
