@@ -14,7 +14,8 @@ from kinemimic.retarget.humanoid.motion import Motion
 
 # m: a knee, an elbow, a hand or the head below it is on the ground, or on its way there.
 LOW = 0.15
-LOWEST_HIP = 0.55  # of its height in standing
+LOWEST_HIP = 0.55  # of its height in standing, of a gait
+LOWEST_SQUAT = 0.35  # the same of a motion on the spot: who squats deeper sits
 LARGEST_LEAN = np.radians(60.0)  # of the pelvis
 SLOWEST_WALK = 0.3  # m/s
 CLIMB = 0.25  # m, of the hip between start and end
@@ -54,7 +55,8 @@ def unsuitable(motion: Motion, report: Mapping[str, Any] | None = None) -> str |
             where = int(np.argmin(height))
             return f"the {part.replace('_', ' ')} at {height[where]:.2f} m above the ground in frame {where}"
     hip = positions[:, 0, 2]
-    if hip.min() < LOWEST_HIP * STANDING_HEIGHT:
+    lowest = LOWEST_SQUAT if without_strides(motion, report) else LOWEST_HIP
+    if hip.min() < lowest * STANDING_HEIGHT:
         where = int(np.argmin(hip))
         return f"the hips at {hip[where]:.2f} m above the ground in frame {where}"
     up = rotate(frames[:, 0], np.broadcast_to([0.0, 0.0, 1.0], (len(frames), 3)))[:, 2]

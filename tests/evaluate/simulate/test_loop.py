@@ -131,7 +131,7 @@ def test_another_motion_of_the_same_name_gets_another_folder(walk_run: Path, tmp
     run = tmp_path / "mine"
     shutil.copytree(walk_run, run)
     repertoire = Repertoire(run, tmp_path / "prepared")
-    assert repertoire.trackers == ("tracker",)
+    assert repertoire.trackers == ("tracker", "standing")
     before, _ = repertoire.prepared("tracker", "mine")
     shutil.copy(POLICIES / "run" / "motion.json", run)
     after, _ = repertoire.prepared("tracker", "mine")

@@ -31,6 +31,16 @@ def test_exercises_have_no_strides(walk: Motion) -> None:
     assert not without_strides(exercise(0, 0), {"kind": "walk"})
 
 
+def test_a_squat_may_be_deeper_than_a_gait() -> None:
+    still = exercise(0, 16)
+    squat, sitting = (
+        replace(still, root=still.root - [0.0, 0.0, still.root[:, 2].min() - hips]) for hips in (0.45, 0.3)
+    )
+    assert unsuitable(squat, {"kind": "motion"}) is None
+    assert "the hips at 0.45 m" in str(unsuitable(squat, {"kind": "walk"}))
+    assert unsuitable(sitting, {"kind": "motion"}) is not None
+
+
 def leaning(motion: Motion, degrees: float) -> Motion:
     """Bent forward in frame 7, about the hips."""
     rotations = motion.rotations.copy()
