@@ -18,6 +18,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
+from kinemimic.train.task import balance
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 from kinemimic.train.task.mirror import action_reflection, observation_reflection
 from kinemimic.train.task.observation_layout import layout
@@ -105,6 +106,18 @@ def _mirror(config: EnvConfig) -> dict[str, Any]:
     }
 
 
+def _balance() -> dict[str, Any]:
+    """What is added to the actions (`balance.py`)."""
+    return {
+        "description": "added to the rotation vectors of the action: those of train/task/balance.py, which keep "
+        "the body over the feet on which the reference stands",
+        "ankle_pitch_rad_per_m": balance.ANKLE_PITCH,
+        "ankle_roll_rad_per_m": balance.ANKLE_ROLL,
+        "hip_roll_rad_per_m": balance.HIP_ROLL,
+        "largest_rad": [balance.MAX_ANKLE_PITCH, balance.MAX_ANKLE_ROLL, balance.MAX_HIP],
+    }
+
+
 def metadata(record: Mapping[str, Any]) -> dict[str, str]:
     """All that is needed to drive a body with the actions; values other than text are JSON."""
     config = TrainConfig.from_json(record["config"]).env
@@ -122,6 +135,7 @@ def metadata(record: Mapping[str, Any]) -> dict[str, str]:
         f"in the child's frame; target = {base}{lead} times the rotation of that vector",
         "action_scale": scale.tolist(),
         "mirror": _mirror(config) if record["mirrored"] else "none",
+        "balance": _balance() if config.balance else "none",
         "control_rate_hz": CONTROL_RATE,
         "physics_step_s": TIME_STEP,
         "physics_steps_per_action": SUBSTEPS,

@@ -29,6 +29,7 @@ from kinemimic.train.rollout.export_onnx import IR, OPSET, metadata, onnx_model,
 from kinemimic.train.rollout.network import normalized
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import BodyStates
+from kinemimic.train.task.balance import ANKLE_PITCH
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import layout
@@ -110,6 +111,9 @@ def test_the_metadata_says_how_to_drive_a_body(policy: Policy) -> None:
     assert "the identity" in found["kinemimic.action"] and "lead" not in found["kinemimic.action"]
     assert "zero" in found["kinemimic.pd"]
     assert found["kinemimic.mirror"] == "none"
+    assert found["kinemimic.balance"] == "none"
+    standing = metadata(RECORD | {"config": replace(CONFIG, env=replace(CONFIG.env, balance=True)).to_json()})
+    assert json.loads(standing["kinemimic.balance"])["ankle_pitch_rad_per_m"] == ANKLE_PITCH
 
 
 def scattered(reference: Reference, phase: np.ndarray) -> BodyStates:
