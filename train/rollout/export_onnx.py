@@ -109,8 +109,8 @@ def _mirror(config: EnvConfig) -> dict[str, Any]:
 def _balance() -> dict[str, Any]:
     """What is added to the actions (`balance.py`)."""
     return {
-        "description": "added to the rotation vectors of the action: those of train/task/balance.py, which keep "
-        "the body over the feet on which the reference stands",
+        "description": "added to the rotation vectors of the action: those of train/task/balance.py, which "
+        "keep the body over the feet on which the reference stands",
         "ankle_pitch_rad_per_m": balance.ANKLE_PITCH,
         "ankle_roll_rad_per_m": balance.ANKLE_ROLL,
         "hip_roll_rad_per_m": balance.HIP_ROLL,
