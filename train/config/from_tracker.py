@@ -51,9 +51,16 @@ def polish(tracker: TrainConfig) -> TrainConfig:
 
 
 def standing_polish(tracker: TrainConfig) -> TrainConfig:
-    """The same on a motion on the spot, which does not repeat: learning control needs a loop."""
+    """The same on a motion on the spot, which does not repeat: learning control needs a loop.
+
+    Knees that hardly move have no R² that would tell whether the humanoid needs more samples.
+    """
     return replace(
-        polish(tracker), preset=STANDING_POLISH, budget=BUDGETS[STANDING_POLISH], learning_control=None
+        polish(tracker),
+        preset=STANDING_POLISH,
+        budget=BUDGETS[STANDING_POLISH],
+        max_budget=0,
+        learning_control=None,
     )
 
 

@@ -62,7 +62,7 @@ def test_a_tracker_of_motions_on_the_spot_is_polished_without_learning_control()
     assert found.preset == "standing-polish"
     assert found.env.balance
     assert found.learning_control is None
-    assert found.budget == BUDGETS[found.preset]
+    assert (found.budget, found.max_budget) == (BUDGETS[found.preset], 0)
     assert TRAIN_OPTIONS[found.preset] == "--from standing"
     with pytest.raises(KinemimicError, match="--preset robust: expected a tracker of gaits in --from"):
         from_tracker("robust", standing_config(), "f00d")
