@@ -218,8 +218,8 @@ def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) ->
 @click.option(
     "--policy",
     metavar="POLICY",
-    help="Perform the motion with a tracker instead of training: `tracker`, for which `standing` stands in "
-    "without strides, or a folder with one.",
+    help="Perform the motion with a tracker instead of training: `tracker`, whose place `standing` takes if "
+    "there are no strides, or a folder with one.",
 )
 @click.option(
     "--from-scratch",
