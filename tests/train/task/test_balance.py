@@ -13,15 +13,9 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.engines import open_world, resolve
 from kinemimic.train.sim.world import BodyStates
-from kinemimic.train.task.balance import (
-    BEHIND_MIDDLE,
-    FOLLOWED,
-    balance_turns,
-    off_balance,
-    standing_feet,
-)
+from kinemimic.train.task.balance import balance_turns, off_balance, standing_feet
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
 FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
@@ -99,7 +93,6 @@ def test_the_sway_of_the_reference_is_followed_but_not_to_the_foot() -> None:
         assert (np.abs(turns) > 1e-3).all() == pushed, share
         if pushed:
             assert (np.sign(turns) == -np.sign(share)).all()
-    assert FOLLOWED < 1.0
 
 
 def standing(seconds: float) -> Motion:
@@ -115,11 +108,10 @@ def standing(seconds: float) -> Motion:
 @pytest.mark.parametrize(("balance", "stands"), [(True, True), (False, False)])
 def test_a_humanoid_without_a_policy_stands_with_it_and_falls_without(balance: bool, stands: bool) -> None:
     config = EnvConfig(balance=balance, mirror=False)
-    batch = ImitationBatch(open_world(1, "native"), Reference(standing(6.0)), config)
+    batch = ImitationBatch(open_world(1, resolve("auto")), Reference(standing(6.0)), config)
     batch.reset(np.array([0]), np.array([0.0]))
     for _ in range(150):
         batch.step(np.zeros((1, ACTIONS)))
     assert batch.fallen()[0] == (not stands)
     if stands:
         assert np.abs(off_balance(batch.bodies)[0]).max() < 0.1
-        assert BEHIND_MIDDLE > 0.0
