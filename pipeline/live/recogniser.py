@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.kinematics.proportions import complete
+from kinemimic.pipeline.kinematics.proportions import complete, hip_narrowing, narrowed_hips
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
@@ -38,17 +38,23 @@ UP_NAMES = {"z": (2, 1), "y": (1, 1), "-y": (1, -1), "-z": (2, -1), "x": (0, 1),
 
 @dataclass(frozen=True)
 class Reading:
-    """How a sender's frames become ours. turn: (4,) rotation to our axes; metres: of its unit."""
+    """How a sender's frames become ours.
+
+    turn: (4,) rotation to our axes; metres: of its unit; hips: factor on their distance.
+    """
 
     layout: Layout
     turn: Array
     metres: float
     unit: str
     up: str
+    hips: float = 1.0
 
     def nodes(self, frame: CapturedFrame) -> tuple[Array, States]:
         """Positions (20, 3) in metres, NaN where missing, and states (20,) of a frame of the same layout."""
         points, states = on_nodes(frame, self.layout)
+        left, right = N["hip_left"], N["hip_right"]
+        points[left], points[right] = narrowed_hips(points[left], points[right], self.hips)
         return rotate(self.turn, self.metres * points), states
 
 
@@ -117,4 +123,4 @@ class Recogniser:
             sign = 1 if upward[axis] > 0 else -1
         name = possible[0]
         up = next(spelt for spelt, known in UP_NAMES.items() if known == (axis, sign))
-        return Reading(layout, _TURNS[axis, sign], UNITS[name], name.split()[0], up)
+        return Reading(layout, _TURNS[axis, sign], UNITS[name], name.split()[0], up, hip_narrowing(p))

@@ -31,6 +31,7 @@ from kinemimic.pipeline.quality.rules import (
     seen_from_behind,
     swapped_limbs,
     turning_camera,
+    wide_hips,
     wrong_rate,
     wrong_units,
     wrong_up_axis,
@@ -59,6 +60,7 @@ _BODY_RULES = (
     calibration_frames.repair,
     wrong_up_axis.repair,
     mirrored_body.repair,
+    wide_hips.repair,
     assumed_rate.repair,
 )
 _RULES_IN_PASSES = (swapped_limbs.repair, exchanged_legs.repair, seen_from_behind.repair, jumps.repair)

@@ -22,6 +22,7 @@ RULES: dict[str, str] = {
     "wrong_up_axis": "wrong up-axis",
     "mirrored": "mirrored",
     "turning_camera": "camera turns with the walker",
+    "wide_hips": "wide hips",
     "impossible_limbs": "impossible limbs",
     "bone_drift": "bone-length drift",
     "swapped_sides": "left and right swapped",

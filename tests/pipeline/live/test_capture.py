@@ -88,6 +88,16 @@ def test_axes_and_units_are_recognised(up: str) -> None:
     assert np.abs(found[-1].positions[found[-1].now] - truth(found[-1])).max() < 0.02
 
 
+def test_hips_at_the_outside_of_the_pelvis_come_together() -> None:
+    wide = CLIP.positions.copy()
+    half = 0.5 * (wide[:, N["hip_left"]] - wide[:, N["hip_right"]])
+    wide[:, N["hip_left"]] += half
+    wide[:, N["hip_right"]] -= half
+    hips = [N["hip_left"], N["hip_right"]]
+    for moment in seen(played(frames(wide)))[10:]:
+        assert np.abs(moment.positions[moment.now] - truth(moment))[hips].max() < 0.03
+
+
 def test_gaps_late_repeated_and_reordered_frames() -> None:
     sent = frames()
     rng = np.random.default_rng(1)
