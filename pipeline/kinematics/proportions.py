@@ -49,7 +49,8 @@ def hips_to_leg(positions: Array) -> float:
     left, right = (positions[:, NODE_INDEX[hip]] for hip in _HIPS)
     apart = np.linalg.norm(left - right, axis=-1)
     seen = apart[np.isfinite(apart)]
-    return float(np.median(seen)) / (stature(positions) * (THIGH + SHANK)) if len(seen) else np.nan
+    leg = stature(positions) * (THIGH + SHANK)
+    return float(np.median(seen)) / leg if len(seen) and leg > 0.0 else np.nan
 
 
 def hip_narrowing(positions: Array) -> float:

@@ -187,7 +187,7 @@ def test_labels_stay_on_the_clock_from_the_file_to_the_quaternions(tmp_path: Pat
     for name, content in utkinect.files(48).items():
         (tmp_path / name).write_bytes(content)
     capture = tmp_path / "joints_s02_e01.txt"
-    labels = (Label("walk", 200 / 30, 240 / 30), Label("sitDown", 250 / 30, 260 / 30))
+    labels = (Label("walk", 200 / 60, 240 / 60), Label("sitDown", 250 / 60, 260 / 60))
     assert ingest(capture, tmp_path).labels == labels
     assert convert(tmp_path).labels == labels
     recorded = read(capture)
@@ -197,12 +197,12 @@ def test_labels_stay_on_the_clock_from_the_file_to_the_quaternions(tmp_path: Pat
         assert np.array_equal(clip.times, recorded.times)
     report = file_report(capture)
     assert report["labels"] == [
-        {"name": "walk", "start_s": 6.6667, "end_s": 8.0},
-        {"name": "sitDown", "start_s": 8.3333, "end_s": 8.6667},
+        {"name": "walk", "start_s": 3.3333, "end_s": 4.0},
+        {"name": "sitDown", "start_s": 4.1667, "end_s": 4.3333},
     ]
     shown = StringIO()
     Console(file=shown, width=200).print(file_view(report))
-    assert "walk 6.67 to 8.00 s, sitDown 8.33 to 8.67 s" in shown.getvalue()
+    assert "walk 3.33 to 4.00 s, sitDown 4.17 to 4.33 s" in shown.getvalue()
 
 
 def test_a_pose_that_is_held_throughout_is_a_person_who_stands(tmp_path: Path, bvh: Text) -> None:

@@ -1,9 +1,11 @@
 """UTKinect-Action3D: a frame number and 20 joints x y z per line, no header; action labels in a separate
 file.
 
-The number counts the camera's frames at 30 Hz. There is a line for every second to eighth of them, and
-sometimes two with one number: two updates of the tracker within one image, or two people. Metres, Y up, no
-tracking state.
+The number counts images. In the data set all numbers are even, because colour and depth images of a 30 Hz
+camera are counted one by one: 60 in a second. Its authors state about 15 frames a second, and there are 10 to
+19. With 30 numbers in a second there would be half as many, and people would walk at 0.4 m/s, with 40 to 60
+steps in a minute. There is a line for every second to eighth number, and sometimes two with one number: two
+updates of the tracker within one image, or two people. Metres, Y up, no tracking state.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ FORMAT = Format(
     recognised_by="lines of 61 numbers: a frame number that never decreases, then an upright body",
     columns=(WIDTH,),
 )
-RATE = 30.0
+RATE = 30.0  # of the camera, Hz
 LABELS = "actionLabel.txt"
 # In metres. Two updates of one body within an image are centimetres apart; two people are further apart than
 # this.
@@ -62,7 +64,7 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 20 nodes; times are frame numbers over 30, one line each.
+    """The clip of the 20 nodes; times are frame numbers over 60, or over 30 if one of them is odd.
 
     Of lines with the same number, the nearest to the line before is kept: the first of two updates, and the
     same person if there are two.
@@ -78,10 +80,11 @@ def read(source: Source) -> Clip:
     if not np.isfinite(points).all():
         points = np.where(np.isfinite(points), points, np.nan)
     rows, defects = _one_of_each(numbers, points)
-    labels, notes = _labels(source)
+    rate = RATE if (numbers % 2.0).any() else 2.0 * RATE
+    labels, notes = _labels(source, rate)
     return clip_of_points(
         node_skeleton(),
-        numbers[rows] / RATE,
+        numbers[rows] / rate,
         points[rows],
         None,
         format=FORMAT,
@@ -157,8 +160,9 @@ def _mean_distance(bodies: Array, others: Array) -> Array:
     return np.where(np.isfinite(distance), distance, np.inf)
 
 
-def _labels(source: Source) -> tuple[list[Label], list[str]]:
-    """Actions of this take from the label file in the same folder, which gives their first and last frame.
+def _labels(source: Source, rate: float) -> tuple[list[Label], list[str]]:
+    """Actions of this take from the label file in the same folder, which gives their first and last frame;
+    rate: frame numbers in a second.
 
     A label without frames (NaN), or one that cannot be read, gives a note: labels are optional.
     """
@@ -179,7 +183,7 @@ def _labels(source: Source) -> tuple[list[Label], list[str]]:
             if match is None or first is None or last is None or last < first:
                 notes.append(f"{LABELS} has no frames for {line.strip()[:40]!r}")
                 continue
-            labels.append(Label(match.group(1), first / RATE, last / RATE))
+            labels.append(Label(match.group(1), first / rate, last / rate))
     if not labels:
         notes.append(f"{LABELS} has no action of {take.group()}")
     return labels, notes

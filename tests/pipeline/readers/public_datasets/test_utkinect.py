@@ -42,12 +42,20 @@ def test_the_written_walk_is_read_once_per_number(tmp_path: Path) -> None:
     kept = np.flatnonzero(np.diff(number, prepend=0) > 0)
     assert len(kept) == 46
     assert np.abs(clip.positions - in_range(walk(48, rate=15.0))[kept]).max() < 1e-6
-    assert clip.times == pytest.approx(number[kept] / 30.0)
-    assert clip.times[0] == pytest.approx(FIRST / 30.0)
+    assert clip.times == pytest.approx(number[kept] / 60.0)
+    assert clip.times[0] == pytest.approx(FIRST / 60.0)
     assert defects(clip) == {"duplicate_frames": 2}
-    assert clip.labels == (Label("walk", 200 / 30, 8.0), Label("sitDown", 250 / 30, 260 / 30))
+    assert clip.labels == (Label("walk", 200 / 60, 4.0), Label("sitDown", 250 / 60, 260 / 60))
     assert clip.provenance["reading"]["notes"] == ["actionLabel.txt has no frames for 'carry:  NaN NaN'"]
     assert set(clip.provenance["sidecar_files"]) == {"actionLabel.txt"}
+
+
+def test_odd_numbers_count_the_camera_s_frames() -> None:
+    halved = "\n".join(
+        f"{int(number) // 2} {rest}"
+        for number, _, rest in (line.partition(" ") for line in sample().split("\n")[:-1])
+    )
+    assert clip_of(halved + "\n").times == pytest.approx(clip_of(sample()).times)
 
 
 def test_a_label_that_ends_before_it_starts_is_a_note(tmp_path: Path) -> None:
@@ -141,8 +149,13 @@ def test_real_recordings(captures: Path) -> None:
         assert 20 < span.sum() < 65
         hips = clip.positions[span, NODE_INDEX["hip_center"]]
         assert 0.8 < np.linalg.norm(hips[-1] - hips[0]) < 2.5
+        # As people walk, and as many frames as the authors state.
+        speed = np.linalg.norm(hips[-1] - hips[0]) / np.ptp(clip.times[span])
+        assert 0.6 < speed < 1.0
+        steps = np.diff(clip.times)
+        assert 10.0 < 1.0 / steps[steps < 0.5].mean() < 20.0
         hip, knee, ankle = (clip.positions[:, NODE_INDEX[f"{j}_left"]] for j in ("hip", "knee", "ankle"))
         assert 0.42 < np.median(np.linalg.norm(knee - hip, axis=-1)) < 0.51
         assert 0.34 < np.median(np.linalg.norm(ankle - knee, axis=-1)) < 0.40
     first = read(captures / "kinect1_utkinect" / "joints_s01_e01.txt").labels[0]
-    assert first == Label("walk", 252 / 30, 390 / 30)
+    assert first == Label("walk", 252 / 60, 390 / 60)
