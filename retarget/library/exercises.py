@@ -33,15 +33,15 @@ from kinemimic.retarget.humanoid.motion import Motion
 
 FRAME_RATE = 30.0
 SECONDS = (3.0, 6.0)
-HOLD = (0.2, 1.2)  # s between two movements of a curve
-MOVE = (0.5, 1.6)  # s of a movement
-SHIFT = (0.7, 1.3)  # s in which the weight goes to one foot
-SWING = (0.5, 1.1)  # s of a foot in the air, without its hold
+HOLD = (0.1, 1.2)  # s between two movements of a curve
+MOVE = (0.35, 1.6)  # s of a movement
+SHIFT = (0.4, 1.3)  # s in which the weight goes to one foot
+SWING = (0.35, 1.1)  # s of a foot in the air, without its hold
 STEPS = 0.75  # probability that the feet move at all
 # m: half of the distance between the ankles, how far one is ahead, how far a step goes ahead and to the side.
 STANCE, STAGGER = (0.06, 0.22), 0.12
-AHEAD, ASIDE = (-0.35, 0.5), (0.12, 0.45)
-LIFT = (0.04, 0.4)  # m
+AHEAD, ASIDE = (-0.4, 0.6), (0.12, 0.45)
+LIFT = (0.04, 0.6)  # m
 TURNED_OUT = (0.0, 0.3)  # rad, of the feet
 SQUAT = (0.0, 0.33)  # m, of the pelvis, with both feet on the ground
 SQUATS = 0.5  # probability
