@@ -23,9 +23,9 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     if factor == 1.0:
         return clip, []
     named = joints_by_name(clip.skeleton.names)
-    hips = [named["hip_left"], named["hip_right"]]
+    left, right = named["hip_left"], named["hip_right"]
     positions = clip.positions.copy()
-    positions[:, hips[0]], positions[:, hips[1]] = narrowed_hips(*(positions[:, hip] for hip in hips), factor)
+    positions[:, left], positions[:, right] = narrowed_hips(positions[:, left], positions[:, right], factor)
     text = (
         f"the hips are {hips_to_leg(points):.2f} of a leg apart, which are no hip joints; "
         f"brought together to a person's {HIPS:.2f}"
