@@ -76,11 +76,11 @@ def standing_config() -> TrainConfig:
         ),
         hidden=(256, 128),
         num_envs=512,
-        action_std=((0, 0.05), (10_000_000, 0.03)),
+        action_std=((0, 0.05), (20_000_000, 0.03)),
         scales={"pose": ((1_000_000, 8.0), (6_000_000, 24.0))},
         strength=((0, 1.0),),
         body_error=(),
-        budget=8_100_000,
+        budget=32_600_000,
     )
 
 
