@@ -32,7 +32,7 @@ def test_exercises_have_no_strides(walk: Motion) -> None:
 
 
 def test_a_squat_may_be_deeper_than_a_gait() -> None:
-    still = exercise(0, 16)
+    still = exercise(0, 135)  # a deep squat, whose knees stay above the ground if it is lowered further
     squat, sitting = (
         replace(still, root=still.root - [0.0, 0.0, still.root[:, 2].min() - hips]) for hips in (0.45, 0.3)
     )
