@@ -53,8 +53,10 @@ class Reading:
     def nodes(self, frame: CapturedFrame) -> tuple[Array, States]:
         """Positions (20, 3) in metres, NaN where missing, and states (20,) of a frame of the same layout."""
         points, states = on_nodes(frame, self.layout)
-        left, right = N["hip_left"], N["hip_right"]
-        points[left], points[right] = narrowed_hips(points[left], points[right], self.hips)
+        if self.hips != 1.0:
+            hips = [N["hip_left"], N["hip_right"]]
+            points[hips] = narrowed_hips(points[hips[0]], points[hips[1]], self.hips)
+            states[hips] *= np.isfinite(points[hips]).all(axis=-1)  # one alone is nowhere
         return rotate(self.turn, self.metres * points), states
 
 

@@ -98,6 +98,25 @@ def test_hips_at_the_outside_of_the_pelvis_come_together() -> None:
         assert np.abs(moment.positions[moment.now] - truth(moment))[hips].max() < 0.03
 
 
+@pytest.mark.parametrize("apart", [1.0, 2.0])
+def test_a_hip_that_a_sender_loses(apart: float) -> None:
+    """It takes the other along only where that one's own place is unknown."""
+    points = CLIP.positions.copy()
+    hips = [N["hip_left"], N["hip_right"]]
+    half = 0.5 * (apart - 1.0) * (points[:, hips[0]] - points[:, hips[1]])
+    points[:, hips[0]] += half
+    points[:, hips[1]] -= half
+    recogniser = Recogniser()
+    for frame in frames(points)[:20]:
+        recogniser.take(frame)
+    assert recogniser.reading is not None
+    points[30, hips[1]] = np.nan
+    found, states = recogniser.reading.nodes(frames(points)[30])
+    assert np.isfinite(found[hips[0]]).all() == (apart == 1.0)
+    assert (states[hips[0]] > 0) == (apart == 1.0)
+    assert states[hips[1]] == 0
+
+
 def test_gaps_late_repeated_and_reordered_frames() -> None:
     sent = frames()
     rng = np.random.default_rng(1)

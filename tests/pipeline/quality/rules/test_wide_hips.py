@@ -13,6 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.proportions import HIPS, hips_to_leg
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
+from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.quality.rules import wide_hips
@@ -48,6 +49,18 @@ def test_wide_hips_come_to_a_persons_distance(moving: Moving, factor: float) -> 
 def test_hips_of_people_and_those_a_kinect_sees_too_narrow_stay(moving: Moving, factor: float) -> None:
     clip = apart(moving(90), factor)
     assert wide_hips.repair(clip) == (clip, [])
+
+
+def test_a_hip_without_the_other_is_missing(moving: Moving) -> None:
+    wide = apart(moving(60), 2.0)
+    wide.positions[20:30, RIGHT] = np.nan
+    wide.states[20:30, RIGHT] = MISSING
+    repaired, _ = wide_hips.repair(wide)
+    alone = np.zeros(60, dtype=bool)
+    alone[20:30] = True
+    assert np.array_equal(np.isnan(repaired.positions[:, LEFT, 0]), alone)
+    assert np.array_equal(repaired.states[:, LEFT] == MISSING, alone)
+    assert np.isfinite(wide.positions[:, LEFT]).all()  # not changed in place
 
 
 def test_the_distance_is_judged_by_the_leg_in_any_unit(moving: Moving) -> None:
