@@ -3,7 +3,7 @@ file.
 
 The number counts images. In the data set all numbers are even, because colour and depth images of a 30 Hz
 camera are counted one by one: 60 in a second. Its authors state about 15 frames a second, and there are 10 to
-19. With 30 numbers in a second there would be half as many, and people would walk at 0.4 m/s, with 40 to 60
+19. With 30 numbers in a second there would be half as many, and people would walk at 0.4 m/s, with 30 to 60
 steps in a minute. There is a line for every second to eighth number, and sometimes two with one number: two
 updates of the tracker within one image, or two people. Metres, Y up, no tracking state.
 """
