@@ -37,7 +37,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
         positions[:, hip] = place
         states[~np.isfinite(place).all(axis=-1), hip] = MISSING
     text = (
-        f"the hips are {hips_to_leg(points):.2f} of a leg apart, which are no hip joints; "
+        f"the hips are {hips_to_leg(points):.2f} of a leg apart, more than hip joints can be; "
         f"brought together to a person's {HIPS:.2f}"
     )
     return replace(clip, positions=positions, states=states), [
