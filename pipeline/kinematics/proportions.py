@@ -26,7 +26,7 @@ FOOT = 0.110  # from the ankle to the toes: the foot's 0.152 less the heel
 # Metres from the wrist to the palm, where a Kinect sees the hand.
 HAND = 0.08
 # Distance of the hip joints as a share of the leg, thigh and shank: the usual one (0.20 to 0.25 in optical
-# captures of nine people), and more than any tracker of hip joints shows (0.30).
+# captures of nine people), and more than in any other collection (0.30).
 HIPS, WIDEST_HIPS = 0.22, 0.32
 _SIDES = ("left", "right")
 _HIPS = ("hip_left", "hip_right")
@@ -62,10 +62,17 @@ def hip_narrowing(positions: Array) -> float:
     return HIPS / share if share > WIDEST_HIPS else 1.0
 
 
-def narrowed_hips(left: Array, right: Array, factor: float) -> tuple[Array, Array]:
-    """The hips (..., 3), brought together to `factor` of their distance."""
+def narrow_hips(positions: Array, states: States, hips: tuple[int, int], factor: float) -> None:
+    """Bring two joints, the hips, together to `factor` of their distance, in place.
+
+    positions: (..., J, 3); states: (..., J). A hip counts as missing where the other is: it is not known
+    where it belongs.
+    """
+    left, right = (positions[..., hip, :].copy() for hip in hips)
     middle, half = 0.5 * (left + right), 0.5 * factor * (left - right)
-    return middle + half, middle - half
+    for hip, place in zip(hips, (middle + half, middle - half), strict=True):
+        positions[..., hip, :] = place
+        states[..., hip] = np.where(np.isfinite(place).all(axis=-1), states[..., hip], MISSING)
 
 
 def complete(positions: Array, states: States, found: set[str]) -> None:

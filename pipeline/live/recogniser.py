@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.kinematics.proportions import complete, hip_narrowing, narrowed_hips
+from kinemimic.pipeline.kinematics.proportions import complete, hip_narrowing, narrow_hips
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
@@ -48,15 +48,13 @@ class Reading:
     metres: float
     unit: str
     up: str
-    hips: float = 1.0
+    hips: float
 
     def nodes(self, frame: CapturedFrame) -> tuple[Array, States]:
         """Positions (20, 3) in metres, NaN where missing, and states (20,) of a frame of the same layout."""
         points, states = on_nodes(frame, self.layout)
         if self.hips != 1.0:
-            hips = [N["hip_left"], N["hip_right"]]
-            points[hips] = narrowed_hips(points[hips[0]], points[hips[1]], self.hips)
-            states[hips] *= np.isfinite(points[hips]).all(axis=-1)  # one alone is nowhere
+            narrow_hips(points, states, (N["hip_left"], N["hip_right"]), self.hips)
         return rotate(self.turn, self.metres * points), states
 
 

@@ -9,33 +9,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from kinemimic.pipeline.kinematics.body_points import nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
-from kinemimic.pipeline.kinematics.proportions import HIPS, hip_narrowing, hips_to_leg, narrowed_hips
-from kinemimic.pipeline.kinematics.skeleton import MISSING
+from kinemimic.pipeline.kinematics.proportions import HIPS, hip_narrowing, hips_to_leg, narrow_hips
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip with hips at a person's distance, by one factor throughout, and the defect "wide_hips".
-
-    A hip counts as missing where the other is: it is not known where it belongs.
-    """
+    """The clip with hips at a person's distance, by one factor throughout, and the defect "wide_hips"."""
     points = nodes_of(clip)
     factor = 1.0 if clip.euler is not None or clip.rotations is not None else hip_narrowing(points)
     if factor == 1.0:
         return clip, []
     named = joints_by_name(clip.skeleton.names)
-    hips = [named["hip_left"], named["hip_right"]]
     positions, states = clip.positions.copy(), clip.states.copy()
-    for hip, place in zip(
-        hips, narrowed_hips(positions[:, hips[0]], positions[:, hips[1]], factor), strict=True
-    ):
-        positions[:, hip] = place
-        states[~np.isfinite(place).all(axis=-1), hip] = MISSING
+    narrow_hips(positions, states, (named["hip_left"], named["hip_right"]), factor)
     text = (
         f"the hips are {hips_to_leg(points):.2f} of a leg apart, more than hip joints can be; "
         f"brought together to a person's {HIPS:.2f}"

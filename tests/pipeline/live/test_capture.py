@@ -94,7 +94,9 @@ def test_hips_at_the_outside_of_the_pelvis_come_together() -> None:
     wide[:, N["hip_left"]] += half
     wide[:, N["hip_right"]] -= half
     hips = [N["hip_left"], N["hip_right"]]
-    for moment in seen(played(frames(wide)))[10:]:
+    found = seen(played(frames(wide)))
+    assert len(found) > 60
+    for moment in found[10:]:
         assert np.abs(moment.positions[moment.now] - truth(moment))[hips].max() < 0.03
 
 
