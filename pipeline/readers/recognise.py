@@ -44,6 +44,7 @@ _MODULES: tuple[str, ...] = (
     "segments.amass",
     "segments.mvnx",
     "public_datasets.andersson",
+    "public_datasets.ntu_rgbd",
     "kinect.kinect2bvh_dump",
     "mocap.asf_amc",
     "mocap.mot",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.kinematics.rotations import from_matrix
-from kinemimic.pipeline.kinematics.skeleton import Skeleton
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED, Skeleton
 
 _ARM: tuple[tuple[str, str], ...] = (
     ("CLAVICLE_{}", "SPINE_CHEST"),
@@ -47,6 +47,8 @@ _TREE: tuple[tuple[str, str], ...] = (
     *((joint, "HEAD") for joint in _FACE),
 )
 AZURE_JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
+# State for each confidence of the SDK (the index): 0 out of range, 1 predicted, 2 seen (3 is reserved).
+STATE_OF_CONFIDENCE = np.array([0, INFERRED, TRACKED, TRACKED], dtype=np.uint8)
 # Spelling in the first versions of the SDK and, to this day, on Microsoft's page.
 OLD_NAMES: dict[str, str] = {"SPINE_NAVAL": "SPINE_NAVEL"}
 # The camera's axes in ours, as for a Kinect v2: away from the camera is our X, the camera's right our -Y.

@@ -25,14 +25,15 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
+from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
     AZURE_JOINTS,
     OLD_NAMES,
+    STATE_OF_CONFIDENCE,
     WORLD_FROM_CAMERA,
     azure_skeleton,
 )
-from kinemimic.pipeline.readers.kinect.azure_people import STATE_OF_CONFIDENCE, other_people
 from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions, sensor_clock
 
 FORMAT = Format(

@@ -1,16 +1,10 @@
-"""What every file of the Azure Kinect's body tracking says about its joints and people."""
+"""The person that a recording of several people is about, and the others."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-import numpy as np
-
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED
 from kinemimic.pipeline.quality.rules.defect import Defect
-
-# State for each confidence of the SDK (the index): 0 out of range, 1 predicted, 2 seen (3 is reserved).
-STATE_OF_CONFIDENCE = np.array([0, INFERRED, TRACKED, TRACKED], dtype=np.uint8)
 
 
 def other_people(people: Sequence[Collection[int]], main_person: int) -> Iterator[Defect]:
