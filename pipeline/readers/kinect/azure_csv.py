@@ -22,8 +22,8 @@ from kinemimic.pipeline.readers.base.column_names import index_of_columns, requi
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, decimal_points, parse_table
-from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.paired_files import sidecar_file, sidecar_name
+from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
     AZURE_JOINTS,

@@ -21,8 +21,8 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
     name="Nuitrack CSV",

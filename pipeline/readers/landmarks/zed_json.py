@@ -24,9 +24,9 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
+from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
-from kinemimic.pipeline.readers.base.people import other_people
 
 FORMAT = Format(
     name="ZED bodies JSON",
