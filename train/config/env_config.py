@@ -48,14 +48,17 @@ class RewardConfig:
 class DomainRandomization:
     """Ranges (low, high) from which an episode draws at full strength; the defaults change nothing.
 
-    push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
-    feet on the ground; mass: factor for every body; delay: s until an action takes effect, at most one
-    control step; tilt, spin: standard deviations of the initial state from the reference, rad and rad/s, at
-    the root and every joint; displacement: largest horizontal distance of the initial state from the
-    reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same.
+    push: N, horizontal in any direction on the pelvis for 0.2 s; adaptive_push: in training, its upper end
+    stands for a level that adapts to what the policy survives (`rollout/push_levels.py`); rest: s between
+    pushes; friction: of the feet on the ground; mass: factor for every body; delay: s until an action takes
+    effect, at most one control step; tilt, spin: standard deviations of the initial state from the reference,
+    rad and rad/s, at the root and every joint; displacement: largest horizontal distance of the initial state
+    from the reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same.
+    RecordError for adaptive pushes of 0 N.
     """
 
     push: tuple[float, float] = (0.0, 0.0)
+    adaptive_push: bool = False
     rest: tuple[float, float] = (1.0, 3.0)
     friction: tuple[float, float] = (0.9, 0.9)
     mass: tuple[float, float] = (1.0, 1.0)
@@ -65,9 +68,13 @@ class DomainRandomization:
     displacement: float = 0.0
     pace: tuple[float, float] = (1.0, 1.0)
 
+    def __post_init__(self) -> None:
+        if self.adaptive_push and not self.push[1] > 0.0:
+            raise RecordError("push", expected="an upper end above 0 N", found=f"{self.push[1]:g}")
+
 
 # Ranges that policies of earlier versions do not state, in JSON.
-LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0]}
+LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0], "adaptive_push": False}
 
 
 # Limits that trackers of earlier versions do not state. Every other policy clips its normalised observations

@@ -75,6 +75,7 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
     randomization = replace(
         scratch.env.domain_randomization,
         push=(0.0, 500.0),
+        adaptive_push=True,
         displacement=tracker.env.domain_randomization.displacement,
     )
     env = replace(

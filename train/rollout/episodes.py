@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.rollout.push_levels import PushLevels
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ImitationBatch
 
@@ -23,12 +24,13 @@ def begin_episodes(
     strength: float,
     phases: Array | None = None,
     displaced: NDArray[np.bool_] | None = None,
+    push_levels: PushLevels | None = None,
 ) -> None:
     """Begin new episodes in the environments (N,) of a batch.
 
     randoms: of these environments, one each; none affects another environment; strength: 0 to 1, of the
     domain randomization; phases: (N,) start phases, drawn if None; displaced: (N,) whether an episode may
-    start beside its reference, all if None.
+    start beside its reference, all if None; push_levels: of all environments, for pushes that adapt.
     """
     config = batch.config
     if phases is None:
@@ -40,6 +42,9 @@ def begin_episodes(
     sample = RandomizationSample.concatenated(drawn)
     if displaced is not None:
         sample = replace(sample, displacement=sample.displacement * displaced[:, None])
+    if push_levels is not None:
+        travel = batch.reference.of(indices).poses(phases).root_linear[:, :2]
+        sample = push_levels.applied(sample, indices, travel, config.domain_randomization.push[1])
     batch.reset(indices, phases, sample, seeds)
 
 

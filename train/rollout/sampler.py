@@ -21,6 +21,7 @@ from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode, Evaluator
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.push_levels import PushLevels
 from kinemimic.train.rollout.robustness import RobustnessEvaluation
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
@@ -91,6 +92,7 @@ class EnvSampler:
         self._config, self._engine = config, engine
         self.batch = ImitationBatch(open_world(len(seeds), engine, threads=threads), reference, config)
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
+        self._push_levels = PushLevels(len(seeds)) if config.domain_randomization.adaptive_push else None
         self.restart(np.arange(len(seeds)), 0.0)
         self._next = self.batch.snapshot()
 
@@ -101,13 +103,17 @@ class EnvSampler:
 
     def env_states(self) -> EnvStates:
         """The state from which the next round starts."""
-        return {**self._next, _RANDOM: np.array([_generator_state(random) for random in self._randoms])}
+        levels = {} if self._push_levels is None else self._push_levels.snapshot()
+        randoms = np.array([_generator_state(random) for random in self._randoms])
+        return {**self._next, **levels, _RANDOM: randoms}
 
     def set_env_states(self, env_states: EnvStates) -> None:
         """Start the next round from the `env_states` of a sampler with as many environments."""
         self._next = {name: array for name, array in env_states.items() if name != _RANDOM}
         for random, words in zip(self._randoms, env_states[_RANDOM].tolist(), strict=True):
             _set_generator_state(random, words)
+        if self._push_levels is not None:
+            self._push_levels.restore(env_states)
 
     def begin_round(self, reward: RewardConfig) -> None:
         """Reset the humanoids to the state they are in; this reward applies from now on."""
@@ -120,7 +126,8 @@ class EnvSampler:
 
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes; strength: 0 to 1, of the domain randomization."""
-        begin_episodes(self.batch, indices, [self._randoms[index] for index in indices], strength)
+        randoms = [self._randoms[index] for index in indices]
+        begin_episodes(self.batch, indices, randoms, strength, push_levels=self._push_levels)
 
     def _exploration(self, action_std: Floats, steps: int) -> Floats:
         """Noise (T, E, A) of standard deviations (A,), drawn from each environment's own generator."""
@@ -159,6 +166,8 @@ class EnvSampler:
             batch.timer.lap(TASK)
             next_observations[t] = observations[t + 1] = step.observations
             terms[t], terminated[t], truncated[t] = step.terms, step.terminated, step.truncated
+            if self._push_levels is not None:
+                self._push_levels.update(batch.ages, step.terminated)
             ended = np.flatnonzero(step.terminated | step.truncated)
             batch.timer.lap(BOOKKEEPING)
             if len(ended):
