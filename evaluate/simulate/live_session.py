@@ -8,40 +8,38 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.balance import balance_actions, holds
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView
 from kinemimic.evaluate.simulate.inputs import Enter, Input, Restart
-from kinemimic.evaluate.simulate.session import Session
+from kinemimic.evaluate.simulate.session import Session, policy_actions
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.capture import FORGET, LiveCapture
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.plural import plural
-from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.live.performer import Performer
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.prediction.live_prediction import LivePrediction
 from kinemimic.train.prediction.predictor import Predictor
-from kinemimic.train.reference.live_reference import AHEAD, BEHIND, KNOWN, LiveReference
+from kinemimic.train.reference.live_reference import KNOWN, LiveReference
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
+from kinemimic.train.task.balance import balance_turns
+from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 from kinemimic.train.task.mirror import Mirror, left_foot_behind
 
-# A reference stands if hips and feet have moved by less than this in the last frames, and are predicted to
-# move by less than the second, m.
-STANDS, WILL_STAND = 0.04, 0.08
-FADE = 0.2  # of the share of balance, per control step
-_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
+FADE = 0.2  # of the share of what is done on the spot, per control step
 
 
 class LiveSession(Session):
     """One humanoid that follows a live capture.
 
     The humanoid performs what the person did the lag of the filter ago; the poses to which the tracker looks
-    ahead are predicted. restarts: number of times that somebody asked for one.
+    ahead are predicted. standing: policy for a person who stays on the spot, where ankles and hips balance
+    the humanoid; without one, they alone do. A tracker that balances (`EnvConfig.balance`) performs
+    everything itself. restarts: number of times that somebody asked for one.
     """
 
     def __init__(
@@ -51,6 +49,7 @@ class LiveSession(Session):
         engine: str,
         settings: LiveSettings,
         predictor: Predictor,
+        standing: Policy | None = None,
         *,
         restart: bool = True,
         scenario_named: Callable[[str], Scenario] | None = None,
@@ -63,7 +62,8 @@ class LiveSession(Session):
         self._mirror = Mirror(config)
         self._place_there, self._denoise = settings.place, settings.denoise
         self._live = LiveReference(first.root, first.rotations, LivePrediction(predictor))
-        self._balance = 1.0  # share of balance in the actions
+        self._standing = standing
+        self._on_the_spot = 1.0  # share of what is done on the spot
         self._placed_in: int | None = None
         self._shown: LiveView | None = None
         held = Motion(
@@ -101,7 +101,8 @@ class LiveSession(Session):
         moment = self.capture.advance()
         performed = self.performer.perform(moment)
         noise = performed.noise if self._denoise else 0.0
-        self._live.append(performed.root, performed.rotations, noise)
+        self._on_the_spot += min(max(float(performed.on_the_spot) - self._on_the_spot, -FADE), FADE)
+        self._live.append(performed.root, performed.rotations, noise, self._on_the_spot)
         if performed.appeared and self._place_there:
             # When the humanoid comes to the person's first frames, after the fade.
             self._placed_in = KNOWN + CONTROL_RATE // 2
@@ -127,28 +128,17 @@ class LiveSession(Session):
         return self._shown
 
     def _actions(self) -> Array:
-        """The policy's, or those of balance where the reference stands."""
-        batch = self._batch
-        wanted = float(self._stands() and holds(batch.bodies))
-        self._balance += min(max(wanted - self._balance, -FADE), FADE)
+        """The policy's, or those for a person on the spot."""
+        batch, share = self._batch, self._on_the_spot
         actions = super()._actions()
-        if self._balance <= 0.0:
+        if share <= 0.0 or batch.config.balance:
             return actions
-        still = balance_actions(batch.bodies)
+        balance = balance_turns(batch.bodies, batch.target).reshape(-1, ACTIONS) / ACTION_SCALE
         if batch.config.mirror:
             # The batch reflects the actions of a tracker back.
-            self._mirror.actions(still, left_foot_behind(batch.target))
-        return (1.0 - self._balance) * actions + self._balance * still
-
-    def _stands(self) -> bool:
-        """Whether the reference keeps its feet and hips in place."""
-        return self._moved(-BEHIND, KNOWN) < STANDS and self._moved(KNOWN, AHEAD) < WILL_STAND
-
-    def _moved(self, first: int, last: int) -> float:
-        """Largest range of hips and feet along an axis, m, from one frame after the present to another."""
-        frames = np.linspace(first, last, 4)
-        bodies = self._live.bodies(self._live.present + frames / CONTROL_RATE)
-        return float(np.ptp(bodies.positions[:, [0, *_FEET]], axis=0).max())
+            self._mirror.actions(balance, left_foot_behind(batch.target))
+        still = policy_actions(self._standing, self._observation) + balance
+        return (1.0 - share) * actions + share * still
 
     def advance(self) -> Frame:
         """One control step, with what has come since the last one."""

@@ -26,10 +26,14 @@ from kinemimic.pipeline.files.store import copy_file, file_hash
 from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.live.frame import CapturedFrame, checked_frame
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.config.tracker import STANDING
 from kinemimic.train.prediction.predictor import SHIPPED, Predictor
 from kinemimic.train.rollout.policy import POLICY, Policy, load_trained
+from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
+from kinemimic.train.task.observation_layout import layout
 
 SESSION, SCHEMA = "session.jsonl", 2
 COPIED = ("policy.json", POLICY)
@@ -43,8 +47,8 @@ MAX_STEPS = 2 * 3600 * CONTROL_RATE  # of a recording; a replay holds all of the
 class _Header(Struct):
     """The first line.
 
-    speed: factor on the motion's speed; live: settings of a session that a live capture drives; predictor:
-    SHA-256 of its predictor, else "".
+    speed: factor on the motion's speed; live: settings of a session that a live capture drives; predictor,
+    standing: SHA-256 of its predictor and of its policy for a person on the spot, else "".
     """
 
     schema: int
@@ -53,6 +57,7 @@ class _Header(Struct):
     speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
     live: LiveSettings | None = None
     predictor: str = ""
+    standing: str = ""
 
 
 class _Line(Struct):
@@ -93,8 +98,17 @@ def begin_live_session(
     """A session of a run's policy driven by a live capture; raises KinemimicError as `Policy.load` does."""
     policy, record = Policy.load(run / POLICY)
     env = TrainConfig.from_json(record["config"]).measured_env
-    predictor = Predictor.load()
-    return LiveSession(policy, env, engine, settings, predictor, restart=restart, scenario_named=named)
+    predictor, standing = Predictor.load(), _standing(env)
+    return LiveSession(
+        policy, env, engine, settings, predictor, standing, restart=restart, scenario_named=named
+    )
+
+
+def _standing(env: EnvConfig) -> Policy | None:
+    """The shipped policy for a person on the spot; None for a tracker with other observations."""
+    policy, record = Policy.load(tracker_path(STANDING))
+    own = TrainConfig.from_json(record["config"]).env
+    return policy if layout(own) == layout(env) else None
 
 
 def next_folder(recordings: Path) -> Path:
@@ -124,7 +138,7 @@ class Recorder:
         folder.mkdir(parents=True)
         self.folder, self._size, self._steps = folder, 0, 0
         try:
-            header = _Header(SCHEMA, engine, restart, speed, live, file_hash(SHIPPED) if live else "")
+            header = _Header(SCHEMA, engine, restart, speed, live, *(_shipped() if live else ()))
             for name in COPIED if live else (MOTION, *COPIED):
                 copy_file(run / name, folder / name)
             self._file = (folder / SESSION).open("x", encoding="utf-8")
@@ -179,12 +193,12 @@ class Replay:
         header = _decoded(path, number, text, _Header)
         if header.schema != SCHEMA:
             raise CaptureError(path, where="line 1", expected=f"schema {SCHEMA}", found=str(header.schema))
-        if header.live and header.predictor != file_hash(SHIPPED):
+        if header.live and (header.predictor, header.standing) != _shipped():
             raise CaptureError(
                 path,
                 where="line 1",
-                expected="a recording with the predictor of this version",
-                found="another predictor" if header.predictor else "one without a predictor",
+                expected="a recording with the predictor and the policy for standing of this version",
+                found="others" if header.predictor and header.standing else "one without",
                 advice="replay it with the version that recorded it",
             )
         session = _begun(self._folder, header, self._named)
@@ -221,6 +235,11 @@ def _replayed(path: Path, lines: Iterator[tuple[int, bytes]], session: Session) 
                 expected=f"the recorded state after control step {line.step}",
                 found="another: the engine, its version or the processor differs",
             )
+
+
+def _shipped() -> tuple[str, str]:
+    """SHA-256 of the predictor and of the policy for a person on the spot."""
+    return file_hash(SHIPPED), file_hash(tracker_path(STANDING))
 
 
 def _begun(folder: Path, header: _Header, named: Callable[[str], Scenario]) -> Session:

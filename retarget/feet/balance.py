@@ -53,35 +53,43 @@ def upright(
     travels = speed > WALKING or np.ptp(root[:, :2], axis=0).max() > ON_THE_SPOT
     if standing.mean() < STANDING_SHARE or travels:
         return rotations, root, 0.0
-    soles = body_kinematics(rotations)[1]
     turned, path, total = rotations, root, np.zeros(3)
     for _ in range(3):
         positions, frames = body_kinematics(turned, path)
-        off = _outside(positions[standing], frames[standing], contacts[standing], edge)
+        off = outside_soles(positions[standing], frames[standing], contacts[standing], edge)
         if np.linalg.norm(np.median(off, axis=0)) < 1e-3:
             break
-        height = float(np.median((centre_of_mass(positions, frames) - _ankles(positions))[standing, 2]))
+        height = float(np.median((centre_of_mass(positions, frames) - ankle_middle(positions))[standing, 2]))
         x, y = np.median(off, axis=0) / height
         total += [-y, x, 0.0]
         size = float(np.linalg.norm(total))
         if size > LARGEST_LEAN:
             total *= LARGEST_LEAN / size
-        turn = np.broadcast_to(from_rotvec(total), rotations[:, 0].shape)
-        turned, path = rotations.copy(), rotate(turn, root)
-        turned[:, 0] = multiply(turn, rotations[:, 0])
-        for side in ("left", "right"):
-            knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
-            turned[:, ankle] = multiply(conjugate(multiply(turn, soles[:, knee])), soles[:, ankle])
+        turned, path = leaned(rotations, root, from_rotvec(total))
     size = float(np.linalg.norm(total))
     return (turned, path, size) if size > _SMALLEST_LEAN else (rotations, root, 0.0)
 
 
-def _ankles(positions: Array) -> Array:
+def leaned(rotations: Array, root: Array, turn: Array, about: Array | None = None) -> tuple[Array, Array]:
+    """Rotations (T, 20, 4) and root (T, 3) of the body turned by `turn` (4,) about a point (3,), the origin
+    by default. The feet keep their orientation in the world."""
+    about = np.zeros(3) if about is None else about
+    frames = body_kinematics(rotations)[1]
+    every = np.broadcast_to(turn, rotations[:, 0].shape)
+    turned, path = rotations.copy(), about + rotate(every, root - about)
+    turned[:, 0] = multiply(every, rotations[:, 0])
+    for side in ("left", "right"):
+        knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
+        turned[:, ankle] = multiply(conjugate(multiply(every, frames[:, knee])), frames[:, ankle])
+    return turned, path
+
+
+def ankle_middle(positions: Array) -> Array:
     """The middle (T, 3) between the ankles."""
     return 0.5 * (positions[:, N["ankle_left"]] + positions[:, N["ankle_right"]])
 
 
-def _outside(positions: Array, frames: Array, contacts: Mask, edge: float) -> Array:
+def outside_soles(positions: Array, frames: Array, contacts: Mask, edge: float) -> Array:
     """Vector (T, 2) from the centre of mass to the nearest point within the soles that stand, in the world,
     metres: zero where it is inside. They count as a rectangle along the heading of the pelvis, without its
     edge."""

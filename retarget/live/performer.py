@@ -14,6 +14,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.live.capture import Moment
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.surface import lowest_points
+from kinemimic.retarget.live.lean import LiveLean
+from kinemimic.retarget.live.on_the_spot import OnTheSpot
 from kinemimic.retarget.live.path import LivePath
 from kinemimic.retarget.live.pose import LivePose, mixed
 
@@ -38,7 +40,8 @@ class Performed:
     """A moment of the reference.
 
     root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); appeared: a
-    person appears at this frame; noise: 0 (precise, or no steps) to 1 (a walk seen by a depth sensor).
+    person appears at this frame; noise: 0 (precise, or no steps) to 1 (a walk seen by a depth sensor);
+    on_the_spot: the person goes nowhere, or nobody is there.
     """
 
     root: Array
@@ -46,6 +49,7 @@ class Performed:
     presence: float
     appeared: bool
     noise: float
+    on_the_spot: bool
 
 
 class Performer:
@@ -64,10 +68,14 @@ class Performer:
         self._velocity, self._height = np.zeros(2), float(_standing_height(standing()))
         self._place = np.zeros(2)
         self._yaw = 0.0  # of the reference over the capture
+        self._lean = LiveLean(rate)
+        self._on_the_spot = True
         self._new()
 
     def _new(self) -> None:
         self.pose, self._path = LivePose(self._rate), LivePath(self._rate)
+        self._spot = OnTheSpot(self._rate)
+        self._lean.restart()
 
     def perform(self, moment: Moment | None) -> Performed:
         """The next frame of the reference."""
@@ -86,6 +94,7 @@ class Performer:
             rotations[0] = multiply(turn, rotations[0])
             self._rotations = rotations
             self._velocity = rotate(turn, np.append(step.velocity, 0.0))[:2]
+            self._on_the_spot = self._spot.update(self._velocity, strides=window.strides)
             self._height, self._absent = step.height, 0.0
         else:
             before, self._absent = self._absent, self._absent + 1.0 / self._rate
@@ -109,7 +118,12 @@ class Performer:
         self._walked = self._walked + 1.0 / self._rate if pelvis < 1.0 else 0.0
         noise = min(1.0, self._walked / NOISE_TIME) * (1.0 - pelvis)
         self._noise = max(noise, self._noise - change)
-        return Performed(np.append(self._place, height), rotations, share, appeared, self._noise)
+        on_the_spot = self._on_the_spot or share <= 0.0
+        rotations, root = self._lean.applied(
+            rotations, np.append(self._place, height), _yaw_of(rotations[0]),
+            on_the_spot=on_the_spot and share > 0.0,
+        )  # fmt: skip
+        return Performed(root, rotations, share, appeared, self._noise, on_the_spot)
 
 
 def _yaw_of(q: Array) -> float:

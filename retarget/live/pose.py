@@ -46,7 +46,8 @@ class PoseWindow:
 
     rotations: (M, 20, 4) local, the pelvis' in the world; positions, frames: (M, 20, 3), (M, 20, 4) of the
     body's nodes with its root at the origin; now: the row of the moment; heading: (M,) rad; hips: (M, 3) m,
-    their recorded middle, and ankles: (M, 2) m, recorded heights of the ankles, both at the body's scale.
+    their recorded middle, and ankles: (M, 2) m, recorded heights of the ankles, both at the body's scale;
+    strides: whether the ankles are apart in turns.
     """
 
     rotations: Array
@@ -56,6 +57,7 @@ class PoseWindow:
     heading: Array
     hips: Array
     ankles: Array
+    strides: bool
 
 
 class LivePose:
@@ -111,7 +113,7 @@ class LivePose:
         rotations = continuous(rotations)
         self._held = rotations[now]
         hips = 0.5 * self.scale * (filled[:, N["hip_left"]] + filled[:, N["hip_right"]])
-        return PoseWindow(rotations, positions, world, now, heading, hips, heights)
+        return PoseWindow(rotations, positions, world, now, heading, hips, heights, walking)
 
     def _followed(self, heading: Array, now: int) -> Array:
         """The heading (M,) in radians, continued from the moment before."""

@@ -19,9 +19,9 @@ BEHIND = 6  # frames before the present, which the splines through the present n
 MEMORY = 31  # frames from which the next are predicted: more than the largest of PAST and NOISY_PAST
 _ROWS = 8  # of the tables for each frame, for as many torques as substeps
 RATE = float(CONTROL_RATE)
-# Of the last MEMORY frames, (F, 3) and (F, 20, 4), and their noise, 0 to 1: the newest frame without it, and
-# the AHEAD - KNOWN that follow.
-Predict = Callable[[Array, Array, float], tuple[Array, Array]]
+# Of the last MEMORY frames, (F, 3) and (F, 20, 4), their noise, 0 to 1, and whether the person stays on the
+# spot, 0 to 1: the newest frame without noise, and the AHEAD - KNOWN that follow.
+Predict = Callable[[Array, Array, float, float], tuple[Array, Array]]
 
 
 class _Stretch(Reference):
@@ -53,22 +53,23 @@ class LiveReference(Reference):
         self._predict = predict
         self._captured = deque([(root, rotations)] * MEMORY, maxlen=MEMORY)
         self._followed = deque([(root, rotations)] * (BEHIND + KNOWN + 1), maxlen=BEHIND + KNOWN + 1)
-        self._stretch = self._stretched(0.0)
+        self._stretch = self._stretched(0.0, 1.0)
 
     @property
     def present(self) -> float:
         """Phase at which the coming control step begins."""
         return (self.newest - KNOWN) / RATE
 
-    def append(self, root: Array, rotations: Array, noise: float = 0.0) -> None:
-        """The next frame, of root (3,) and local rotations (20, 4), and how noisy it is, 0 to 1."""
+    def append(self, root: Array, rotations: Array, noise: float = 0.0, on_the_spot: float = 0.0) -> None:
+        """The next frame, of root (3,) and local rotations (20, 4), how noisy it is, 0 to 1, and whether the
+        person stays on the spot, 0 to 1."""
         self.newest += 1
         self._captured.append((root, rotations))
-        self._stretch = self._stretched(noise)
+        self._stretch = self._stretched(noise, on_the_spot)
 
-    def _stretched(self, noise: float) -> Reference:
+    def _stretched(self, noise: float, on_the_spot: float) -> Reference:
         roots, turns = (np.array(column) for column in zip(*self._captured, strict=True))
-        root, rotations = self._predict(roots, turns, noise)
+        root, rotations = self._predict(roots, turns, noise, on_the_spot)
         # Where noise has moved the path, it stays: from there on, its steps count.
         root = root + np.append(self._followed[-1][0][:2] - roots[-2, :2], 0.0)
         self._followed.append((root[0], rotations[0]))

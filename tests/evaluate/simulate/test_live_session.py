@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -12,10 +14,14 @@ from kinemimic.evaluate.simulate.frame import LiveSettings
 from kinemimic.evaluate.simulate.inputs import Restart
 from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.recording import begin_live_session
-from kinemimic.pipeline.live.capture import LAG, LiveCapture
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.live.capture import LAG, LiveCapture, Moment
 from kinemimic.pipeline.live.frame import frame_of
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.live.performer import Performer
+from kinemimic.retarget.live.performer import Performed, Performer, standing
 from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -85,3 +91,50 @@ def test_noise_is_removed_unless_it_shall_stay(session: LiveSession, denoise: bo
         assert degrees[-15:].mean() > 1.0
     else:
         assert degrees.max() < 0.1
+
+
+def squats(count: int, rate: float) -> Array:
+    """Positions (T, 20, 3) of somebody who squats, 3 s each, with the centre of mass over the feet."""
+    phase = np.arange(round(3.0 * count * rate)) / (3.0 * rate)
+    bend = np.radians(70.0) * 0.5 * (1.0 - np.cos(2.0 * np.pi * phase))
+    rotations = np.tile(standing(), (len(bend), 1, 1))
+    for side in ("left", "right"):
+        for joint, share in (("hip", -1.15), ("knee", 1.0), ("ankle", -0.35)):
+            node = N[f"{joint}_{side}"]
+            rotations[:, node] = multiply(rotations[:, node], from_axis_angle("Y", share * bend))
+    rotations[:, 0] = from_axis_angle("Y", 0.5 * bend)
+    positions, _ = body_kinematics(rotations)
+    feet = positions[:, [N["ankle_left"], N["ankle_right"]]].mean(axis=1, keepdims=True)
+    return positions - feet + [0.0, 0.0, 0.08]
+
+
+def test_a_person_who_squats_is_followed(session: LiveSession) -> None:
+    """The tracker of gaits falls; with the policy for standing, the humanoid squats as well."""
+    positions = squats(3, float(CONTROL_RATE))
+    found = {}
+    for name in ("tracker", "standing"):
+        live = begin_live_session(
+            tracker_path("tracker").parent, session._engine, LiveSettings(place=True), named=scenario
+        )
+        if name == "tracker":
+            live.performer.perform = going(live.performer)  # type: ignore[method-assign]
+        frames = []
+        for k, places in enumerate(positions):
+            live.apply(frame_of(k / CONTROL_RATE, places))
+            frames.append(live.advance())
+        live.close()
+        found[name] = frames[CONTROL_RATE:]
+    assert any(one.fallen for one in found["tracker"])
+    assert not any(one.fallen for one in found["standing"])
+    wanted, moved = (
+        np.array([getattr(one, curves)["knee_left"] for one in found["standing"]])
+        for curves in ("wanted", "angles")
+    )
+    assert np.degrees(wanted).max() > 60.0
+    assert np.mean((moved - wanted) ** 2) < 0.2 * np.var(wanted)
+
+
+def going(performer: Performer) -> Callable[[Moment | None], Performed]:
+    """Its frames, as of somebody who never stays on the spot."""
+    perform = performer.perform
+    return lambda moment: replace(perform(moment), on_the_spot=False)

@@ -71,13 +71,14 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     folder = Path(found["recording"])
     frames = list(Replay(folder, named=scenario))
     assert len(frames) == found["steps"]
-    # Another predictor is refused, and none.
+    # Another predictor or policy for standing is refused, and none.
     text = (folder / SESSION).read_text()
-    (predictor,) = re.findall(r'"predictor":"(\w{64})"', text)
-    for other, complaint in (("f" * 64, "another predictor"), ("", "one without a predictor")):
-        (folder / SESSION).write_text(text.replace(predictor, other))
-        with pytest.raises(KinemimicError, match=f"the predictor of this version, found {complaint}"):
-            list(Replay(folder, named=scenario))
+    for name in ("predictor", "standing"):
+        (own,) = re.findall(rf'"{name}":"(\w{{64}})"', text)
+        for other, complaint in (("f" * 64, "others"), ("", "one without")):
+            (folder / SESSION).write_text(text.replace(own, other))
+            with pytest.raises(KinemimicError, match=f"for standing of this version, found {complaint}"):
+                list(Replay(folder, named=scenario))
     # A recorded bit that is another is noticed.
     place = repr(float(WALK.positions[20, 13, 2]))
     assert place in text

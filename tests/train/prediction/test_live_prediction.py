@@ -11,6 +11,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.train.prediction.coasting import coasted
 from kinemimic.train.prediction.live_prediction import GAIN, LivePrediction
 from kinemimic.train.prediction.moments import FUTURE, NOISY_PAST
 from kinemimic.train.prediction.noise import with_sensor_noise
@@ -33,7 +34,7 @@ def followed(root: Array, rotations: Array, noise: float) -> tuple[Array, Array]
     """The newest frames that were found, from NOW on."""
     follow = LivePrediction(Predictor.load())
     found = [
-        tuple(part[0] for part in follow(root[k - NOW : k], rotations[k - NOW : k], noise))
+        tuple(part[0] for part in follow(root[k - NOW : k], rotations[k - NOW : k], noise, 0.0))
         for k in range(NOW, len(root) + 1)
     ]
     roots, turns = zip(*found, strict=True)
@@ -90,16 +91,33 @@ def test_the_frames_correct_what_was_predicted(walk: tuple[Array, Array]) -> Non
     root, rotations = np.tile(walk[0][:1], (NOW, 1)), np.tile(walk[1][:1], (NOW, 1, 1))
     expected = 0.0
     for k in range(12):
-        found_root, found = follow(root, rotations, 1.0)
+        found_root, found = follow(root, rotations, 1.0, 0.0)
         expected = (1.0 - GAIN) * expected + GAIN * model.bend * (k % 2)
         bend = angle_between(found[0, N["knee_left"]], rotations[0, N["knee_left"]])
         assert np.isclose(bend, expected, atol=0.02)
         assert np.allclose(np.diff(found_root[:, 0]), 0.1)
         assert np.isclose(found_root[0, 0] - root[-2, 0], 0.1)
     # A precise frame ends it: the next noisy one begins anew.
-    follow(root, rotations, 0.0)
+    follow(root, rotations, 0.0, 0.0)
     model.calls = 1
     assert np.isclose(
-        angle_between(follow(root, rotations, 1.0)[1][0, N["knee_left"]], rotations[0, N["knee_left"]]),
+        angle_between(follow(root, rotations, 1.0, 0.0)[1][0, N["knee_left"]], rotations[0, N["knee_left"]]),
         model.bend,
+    )
+
+
+def test_on_the_spot_it_comes_to_rest(walk: tuple[Array, Array]) -> None:
+    """Whatever the noise, and halfway between both in the fade."""
+    follow = LivePrediction(Predictor.load())
+    root, rotations = walk[0][:NOW], walk[1][:NOW]
+    going, rests = follow(root, rotations, 0.0, 0.0), coasted(root, rotations, FUTURE)
+    assert np.abs(going[0][-1] - rests[0][-1]).max() > 0.1
+    for noise in (0.0, 1.0):
+        found = follow(root, rotations, noise, 1.0)
+        np.testing.assert_array_equal(found[0], rests[0])
+        np.testing.assert_array_equal(found[1], rests[1])
+    half = follow(root, rotations, 0.0, 0.5)
+    np.testing.assert_allclose(half[0], 0.5 * (going[0] + rests[0]), atol=1e-12)
+    np.testing.assert_allclose(
+        angle_between(half[1], going[1]), 0.5 * angle_between(going[1], rests[1]), atol=0.02
     )

@@ -27,9 +27,10 @@ def foreseen(once: Motion) -> Predict:
     """The newest frame and those that come."""
     came = -1
 
-    def predict(roots: Array, turns: Array, noise: float) -> tuple[Array, Array]:
+    def predict(roots: Array, turns: Array, noise: float, on_the_spot: float) -> tuple[Array, Array]:
         nonlocal came
         assert noise == 0.0
+        assert on_the_spot == float(came < 0)  # before the first frame, it stands
         assert roots.shape == (MEMORY, 3) and turns.shape == (MEMORY, 20, 4)
         came += 1
         coming = np.clip(np.arange(came - 1, came + AHEAD - KNOWN), 0, len(once.root) - 1)
@@ -38,7 +39,7 @@ def foreseen(once: Motion) -> Predict:
     return predict
 
 
-def still(roots: Array, turns: Array, noise: float) -> tuple[Array, Array]:
+def still(roots: Array, turns: Array, noise: float, on_the_spot: float) -> tuple[Array, Array]:
     """The last frame goes on."""
     count = 1 + AHEAD - KNOWN
     return np.repeat(roots[-1:], count, axis=0), np.repeat(turns[-1:], count, axis=0)
@@ -84,8 +85,8 @@ def test_without_noise_the_path_goes_on_from_where_it_was(once: Motion) -> None:
     """While the capture is noisy, the steps of the prediction count, here without those to the side; when
     noise comes or goes, nothing jumps."""
 
-    def straight(roots: Array, turns: Array, noise: float) -> tuple[Array, Array]:
-        root, rotations = still(roots, turns, noise)
+    def straight(roots: Array, turns: Array, noise: float, on_the_spot: float) -> tuple[Array, Array]:
+        root, rotations = still(roots, turns, noise, on_the_spot)
         root[:, 1] -= noise * (roots[-1, 1] - roots[-2, 1])
         return root, rotations
 
