@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker correct-tracker predictor ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-stream-noise bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker correct-tracker predictor ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-stream-exercises bench-stream-noise bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -220,6 +220,9 @@ bench-simulate: setup ## Measure the page of simulate in real time, with a brows
 
 bench-stream: setup ## Compare ten live captures with the offline path (KINEMIMIC_CAPTURES= is their folder)
 	$(BIN)/python tests/bench/bench_stream.py
+
+bench-stream-exercises: setup ## Follow live captures of exercises with the policy for standing and without (KINEMIMIC_CAPTURES= is their folder)
+	$(BIN)/python tests/bench/bench_stream_exercises.py
 
 bench-stream-noise: setup ## Follow live captures of depth sensors with and without denoising (KINEMIMIC_CAPTURES= is their folder)
 	$(BIN)/python tests/bench/bench_stream_noise.py

@@ -175,6 +175,8 @@ class LiveSession(Session):
         if self.capture.reading is None:
             return "receiving frames: waiting for frames that show both legs and the trunk"
         doing = "following the person" if shown.presence >= 1.0 else "nobody in view: standing"
+        if shown.presence >= 1.0 and self._on_the_spot >= 0.5:
+            doing += " on the spot"
         if 0.0 < shown.presence < 1.0:
             doing = "changing between standing and following the person"
         if shown.starved:

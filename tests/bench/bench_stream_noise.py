@@ -8,7 +8,6 @@ live reference in degrees. The first number of every pair is denoised.
 
 from __future__ import annotations
 
-import os
 import tempfile
 import warnings
 from pathlib import Path
@@ -16,21 +15,15 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 from against_truth import REPORT_SEEDS
+from following import SHARED, follow, steadiness
 
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings
-from kinemimic.evaluate.simulate.recording import begin_live_session
-from kinemimic.evaluate.stream.files import CaptureFile
+from kinemimic.evaluate.simulate.frame import LiveSettings
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
-from kinemimic.train.rollout.tracker_file import tracker_path
-from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.engines import resolve
-from kinemimic.train.sim.world import CONTROL_RATE
 
-SHARED = Path(os.environ.get("KINEMIMIC_CAPTURES", Path(__file__).parents[3] / "shared" / "captures"))
 # People whom no choice in `train/prediction` was made on.
 PEOPLE = range(17, 41, 2)
 WALKS = [f"../corpus/kinect1_walks/Person{person:03}_1.txt" for person in PEOPLE]
@@ -42,34 +35,11 @@ OTHERS = [
     "kinect1_bernstein_skl/tal_l2r.skl",
     "kinect1_treadmill_c3d/skeleton_3d_19h58m42.c3d",
 ]
-SECONDS = 12.0
-
-
-def follow(path: Path, denoise: bool, engine: str) -> list[Frame]:
-    """The control steps in which a person is followed."""
-    source = CaptureFile(path)
-    session = begin_live_session(
-        tracker_path("tracker").parent, engine, LiveSettings(place=True, denoise=denoise), named=scenario
-    )
-    frames, step = [], 0
-    while step / CONTROL_RATE < min(source.seconds, SECONDS):
-        for frame in source.poll(step / CONTROL_RATE):
-            session.apply(frame)
-        frames.append(session.advance())
-        step += 1
-    session.close()
-    return [
-        one for one in frames if one.shown is not None and one.shown.presence >= 1.0 and not one.shown.starved
-    ]
 
 
 def row(path: Path, denoise: bool, engine: str) -> tuple[float, float]:
     """Share of the time upright, and falls a minute."""
-    fallen = np.array([one.fallen for one in follow(path, denoise, engine)])
-    if not len(fallen):
-        raise KinemimicError(f"{path}: nobody was followed")
-    falls = np.count_nonzero(np.diff(fallen.astype(int), prepend=0) > 0)
-    return float(np.mean(~fallen)), 60.0 * CONTROL_RATE * falls / len(fallen)
+    return steadiness(path, follow(path, LiveSettings(place=True, denoise=denoise), engine))
 
 
 def truth(seed: int, denoise: bool, engine: str) -> tuple[float, float]:
@@ -79,7 +49,7 @@ def truth(seed: int, denoise: bool, engine: str) -> tuple[float, float]:
         recording = record_virtual(Path(name), motion="walk", seed=seed, sensor="turning")
         ingest(recording.skl, Path(name) / "run")
         table = pq.read_table(Path(name) / "run" / "truth.parquet")
-        frames = follow(recording.skl, denoise, engine)
+        frames = follow(recording.skl, LiveSettings(place=True, denoise=denoise), engine)
     true = {one: table[one].to_numpy() for one in ("time", *ANGLES)}
     at = np.array([one.shown.time for one in frames if one.shown is not None]) + true["time"][0]
     errors: dict[str, list[Array]] = {"knee": [], "hip": []}

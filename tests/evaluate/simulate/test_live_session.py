@@ -122,6 +122,8 @@ def test_a_person_who_squats_is_followed(session: LiveSession) -> None:
         for k, places in enumerate(positions):
             live.apply(frame_of(k / CONTROL_RATE, places))
             frames.append(live.advance())
+        doing = "following the person" + (" on the spot" if name == "standing" else "")
+        assert live.words()[0].startswith(f"**{doing}**")
         live.close()
         found[name] = frames[CONTROL_RATE:]
     assert any(one.fallen for one in found["tracker"])
