@@ -29,7 +29,7 @@ training_options = option_group(
         "--budget",
         type=samples,
         help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from, "
-        "280k at most, or up to 1M until the humanoid walks; 9.5M with --preset robust.",
+        "280k at most, or up to 1M until the humanoid walks; 4.75M with --preset robust.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

@@ -155,7 +155,7 @@ class TrainConfig:
             del value["max_budget"]
         if self.ankle_exploration == 1.0:
             del value["ankle_exploration"]
-        for name in ("scenario", "tracking", "balance"):
+        for name in ("scenario", "tracking", "balance", "hurry"):
             if not getattr(self.env, name):
                 del value["env"][name]
         for key, later in (("domain_randomization", LATER_RANGES), ("tracking", LATER_LIMITS)):
@@ -178,7 +178,13 @@ class TrainConfig:
             later = {"start": "", "body_error": [], "max_budget": 0, "ankle_exploration": 1.0}
             value = {"baseline": None, "learning_control": None, **later, **value}
             if isinstance(env, dict):
-                value["env"] = env = {"scenario": None, "tracking": None, "balance": False, **env}
+                value["env"] = env = {
+                    "scenario": None,
+                    "tracking": None,
+                    "balance": False,
+                    "hurry": False,
+                    **env,
+                }
                 if isinstance(env["tracking"], dict):
                     env["tracking"] = {**LATER_LIMITS, **env["tracking"]}
                 drawn = env.get("domain_randomization")

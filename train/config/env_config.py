@@ -120,7 +120,8 @@ class EnvConfig:
     policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
     the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion
     (`mirror.py`). balance: ankles and hips keep the humanoid over its standing feet, and actions correct that
-    too (`task/balance.py`).
+    too (`task/balance.py`). hurry: the reference runs faster while the humanoid is pushed ahead or aside
+    (`task/hurry.py`).
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -138,6 +139,7 @@ class EnvConfig:
     scenario: Scenario | None = None
     tracking: Tracking | None = None
     balance: bool = False
+    hurry: bool = False
 
     def __post_init__(self) -> None:
         if not self.preview:

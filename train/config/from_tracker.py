@@ -22,7 +22,7 @@ TRAIN_OPTIONS: Mapping[str, str] = {
     STANDING_POLISH: "--from standing",
     ROBUST_POLISH: "--from tracker --preset robust",
 }
-BUDGETS: Mapping[str, int] = {POLISH: 280_000, STANDING_POLISH: 500_000, ROBUST_POLISH: 9_500_000}
+BUDGETS: Mapping[str, int] = {POLISH: 280_000, STANDING_POLISH: 500_000, ROBUST_POLISH: 4_750_000}
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 
 
@@ -69,7 +69,8 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
 
     The tracker recovers from small errors already, so pushes start at once, and may be stronger. An episode
     must outlast a recovery that takes the humanoid far from its reference: only a fall ends it. Meanwhile,
-    the policy observes a reference that is never farther away than `leash`.
+    the policy observes a reference that is never farther away than `leash`, and the reference takes its steps
+    sooner.
     """
     scratch = PRESETS["robust"]
     randomization = replace(
@@ -88,6 +89,7 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
         if tracker.env.tracking
         else None,
         domain_randomization=randomization,
+        hurry=True,
     )
     return TrainConfig(
         preset=ROBUST_POLISH,
@@ -97,18 +99,18 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
         minibatch=2048,
         epochs=5,
         discount=0.97,
-        action_std=((0, 0.06), (2_000_000, 0.04), (5_000_000, 0.03), (8_000_000, 0.015), (9_500_000, 0.008)),
-        strength=((0, 0.25), (600_000, 1.0)),
+        action_std=((0, 0.06), (1_000_000, 0.04), (2_500_000, 0.03), (4_000_000, 0.015), (4_750_000, 0.008)),
+        strength=((0, 0.25), (300_000, 1.0)),
         scales={
             "pose": (
                 (0, 32.0),
-                (2_000_000, 64.0),
-                (5_000_000, 64.0),
-                (7_000_000, 128.0),
-                (8_000_000, 128.0),
-                (8_600_000, 256.0),
+                (1_000_000, 64.0),
+                (2_500_000, 64.0),
+                (3_500_000, 128.0),
+                (4_000_000, 128.0),
+                (4_300_000, 256.0),
             ),
-            "path": ((0, 8.0), (600_000, 2.0)),
+            "path": ((0, 8.0), (300_000, 2.0)),
         },
         budget=BUDGETS[ROBUST_POLISH],
     )

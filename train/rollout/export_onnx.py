@@ -18,7 +18,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
-from kinemimic.train.task import balance
+from kinemimic.train.task import balance, hurry
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 from kinemimic.train.task.mirror import action_reflection, observation_reflection
 from kinemimic.train.task.observation_layout import layout
@@ -118,6 +118,17 @@ def _balance() -> dict[str, Any]:
     }
 
 
+def _clock() -> dict[str, Any]:
+    """How the phase advances (`hurry.py`)."""
+    return {
+        "description": "the phase advances faster while the pelvis is faster than its reference, along the "
+        "reference's way, or moves to a side: by 1 for each m/s of the sum beyond tolerated_m_per_s, up to "
+        "the largest factor",
+        "tolerated_m_per_s": hurry.TOLERATED,
+        "largest_factor": hurry.LARGEST,
+    }
+
+
 def metadata(record: Mapping[str, Any]) -> dict[str, str]:
     """All that is needed to drive a body with the actions; values other than text are JSON."""
     config = TrainConfig.from_json(record["config"]).env
@@ -136,6 +147,7 @@ def metadata(record: Mapping[str, Any]) -> dict[str, str]:
         "action_scale": scale.tolist(),
         "mirror": _mirror(config) if record["mirrored"] else "none",
         "balance": _balance() if config.balance else "none",
+        "clock": _clock() if config.hurry else "constant",
         "control_rate_hz": CONTROL_RATE,
         "physics_step_s": TIME_STEP,
         "physics_steps_per_action": SUBSTEPS,

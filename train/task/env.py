@@ -27,6 +27,7 @@ from kinemimic.train.sim.world import (
 )
 from kinemimic.train.task.balance import balance_turns
 from kinemimic.train.task.domain_randomization import RandomizationSample
+from kinemimic.train.task.hurry import hurry
 from kinemimic.train.task.mirror import Mirror, left_foot_behind, mirrored
 from kinemimic.train.task.observation import observe
 from kinemimic.train.task.reward import pose_turns, rewards
@@ -218,7 +219,8 @@ class ImitationBatch:
         self.timer.lap(TASK)
         self.bodies = self.world.step(targets, velocities, wrenches)
         self.timer.lap(SIMULATION)
-        self.phases = self.phases + self._increment
+        pace = hurry(self.bodies, self.target) if self.config.hurry else 1.0
+        self.phases = self.phases + pace * self._increment
         self.ages += 1
         ahead = self._ahead[0] if self.config.preview[0] == 1 else self.reference.bodies(self.phases)
         self._update_target(ahead)

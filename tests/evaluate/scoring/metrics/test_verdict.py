@@ -159,7 +159,7 @@ def test_flaws_of_the_motion_are_named():
     [
         ("robust", "--preset robust --seed 3 --budget 3M"),
         ("polish", "--from tracker --seed 3 --budget 600k"),
-        ("robust-polish", "--from tracker --preset robust --seed 3 --budget 9.5M"),
+        ("robust-polish", "--from tracker --preset robust --seed 3 --budget 4.8M"),
     ],
 )
 def test_the_next_command_keeps_the_settings(preset: str, command: str):
