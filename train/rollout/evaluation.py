@@ -198,16 +198,18 @@ class Evaluator:
         batch.reward = reward
         # The seed depends on the phase only: all policies get the same draws of a scenario.
         batch.reset(np.array([0]), np.array([phase]), seeds=np.array([round(1e6 * phase)], dtype=np.uint64))
-        rewards, rotations = [], []
+        rewards, rotations, phases = [], [], np.empty(frames)
 
-        def record(*_: object) -> None:
+        def record(step: int, *_: object) -> None:
             rewards.append(float(batch.terms().sum()))
             rotations.append(node_rotations(batch.bodies)[0])
+            phases[step] = batch.phases[0]
 
         roll_out(batch, policy.act, frames, record)
         upright = len(rewards)
-        # The phases of a rollout without a fall.
-        phases = phase + np.arange(1, frames + 1) / (CONTROL_RATE * batch.reference.duration)
+        # After a fall, those of a rollout without it.
+        rest = np.arange(1, frames - upright + 1) / (CONTROL_RATE * batch.reference.duration)
+        phases[upright:] = (phases[upright - 1] if upright else phase) + rest
         expected = joint_angles(batch.reference.nodes(phases))
         simulated = {name: np.full(frames, curve.mean()) for name, curve in expected.items()}
         if upright:

@@ -31,6 +31,7 @@ from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.rollout.policy import training_summary
 from kinemimic.train.rollout.trajectory import Trajectory
+from kinemimic.train.sim.world import CONTROL_RATE
 
 SCORES_SCHEMA = 2
 FIT_FRAMES = 500  # as in the paper
@@ -87,17 +88,21 @@ def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
     return {**over_phases(rollouts), "frames": min(frames, trajectory.root.shape[1])}
 
 
-def root_path(trajectory: Trajectory) -> dict[str, Any]:
+def root_path(trajectory: Trajectory, duration: float | None = None) -> dict[str, Any]:
     """The horizontal path from phase 0; `phases`: spread of each value over all start phases.
+
+    duration: of the motion in s, for a reference that may have hurried (`hurry.py`): its advance, to which
+    speed_ratio is relative, is then that at its own speed.
 
     path_error_m: final distance between humanoid and reference; path_rms_m: its root mean square over time;
     advance_m, reference_advance_m: displacement along the line from the reference's start to its end;
     speed_ratio: their quotient, None if the reference stands or returns; reference_path_m: length of the
     reference's path.
     """
+    paces = np.ones(len(trajectory.phases)) if duration is None else _paces(trajectory, duration)
     paths = [
-        _path(root[:, :2], reference[:, :2])
-        for root, reference in zip(trajectory.root, trajectory.reference_root, strict=True)
+        _path(root[:, :2], reference[:, :2], float(pace))
+        for root, reference, pace in zip(trajectory.root, trajectory.reference_root, paces, strict=True)
     ]
     spreads: dict[str, Any] = {}
     for name in ("path_error_m", "speed_ratio"):
@@ -116,7 +121,14 @@ def advance_along(went: Array, steps: Array) -> float | None:
     return float(went @ way / distance)
 
 
-def _path(path: Array, reference: Array) -> dict[str, float | None]:
+def _paces(trajectory: Trajectory, duration: float) -> Array:
+    """How much faster than at its own speed the reference of each rollout went on, (S,)."""
+    went = trajectory.phases[:, -1] - trajectory.phases[:, 0]
+    paces: Array = went * duration * CONTROL_RATE / (trajectory.phases.shape[1] - 1)
+    return paces
+
+
+def _path(path: Array, reference: Array, pace: float) -> dict[str, float | None]:
     gap = np.linalg.norm(path - reference, axis=-1)
     steps = np.diff(reference, axis=0)
     distance = float(np.linalg.norm(reference[-1] - reference[0]))
@@ -128,7 +140,7 @@ def _path(path: Array, reference: Array) -> dict[str, float | None]:
         "advance_m": advance,
         "reference_advance_m": distance,
         "reference_path_m": length,
-        "speed_ratio": None if advance is None else advance / distance,
+        "speed_ratio": None if advance is None else pace * advance / distance,
     }
 
 
@@ -230,11 +242,11 @@ def compose(
             "survival": survival(no_policy),
             "fit": fit(no_policy, frames),
             "tracking": tracking(no_policy),
-            "root": root_path(no_policy),
+            "root": root_path(no_policy, motion.duration),
         },
         "truth": truth,
         "tracking": tracking(trajectory),
-        "root": root_path(trajectory),
+        "root": root_path(trajectory, motion.duration),
         "torque": torque(trajectory),
         "reward": rewards(trajectory, reward),
         "train": {"seconds": policy.get("seconds"), **training_summary(policy)},

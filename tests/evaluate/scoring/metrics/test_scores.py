@@ -157,6 +157,19 @@ def test_root_path_of_a_slower_and_drifting_walk(performance):
     assert scores["path_error_m"] == pytest.approx(np.hypot(0.1 * 0.41 * 599 / 30, 0.3))
 
 
+def test_a_reference_that_hurried_is_no_excuse(performance, walk):
+    """Its phases, and so its way, are a tenth more than at its own speed; the humanoid is as fast as it."""
+    played = performance()
+    phases = played.phases[:, :1] + 1.1 * (played.phases - played.phases[:, :1])
+    way = played.reference_root.copy()
+    way[..., 0] = way[:, :1, 0] + 1.1 * (way[..., 0] - way[:, :1, 0])
+    hurried = replace(played, phases=phases, root=way, reference_root=way)
+    assert root_path(played, walk.duration)["speed_ratio"] == pytest.approx(1.0)
+    assert root_path(hurried)["speed_ratio"] == pytest.approx(1.0)
+    assert root_path(hurried, walk.duration)["speed_ratio"] == pytest.approx(1.1)
+    assert root_path(hurried, walk.duration)["path_error_m"] == pytest.approx(0.0)
+
+
 def test_speed_ratio_of_standing_is_not_defined(performance):
     played = performance()
     still = np.broadcast_to([0.0, 0.0, 0.9], played.root.shape)
