@@ -39,8 +39,7 @@ class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):
     """Library and settings of a tracker's training.
 
     test: subjects that are left out; preset: of `train-tracker`; variants, exercises: how many; budget:
-    samples; earlier: SHA-256 of policies that had this name before, and from which others that ship were
-    trained.
+    samples.
     """
 
     name: str
@@ -51,7 +50,6 @@ class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):
     preset: str = "tracker"
     variants: int = 0
     exercises: int = 0
-    earlier: tuple[str, ...] = ()
 
 
 class _File(Struct, forbid_unknown_fields=True):

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording, tracker_recipes
+from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow.packed_recipe import spread, stage_options
@@ -74,7 +74,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     capture = motion.provenance.get("capture", {})
     expected: dict[str, tuple[Any, Any]] = {
         "preset": (NAMES[recipe.preset] if recipe.start else recipe.preset, record["preset"]),
-        "start": (_start(recipe, record), record["config"].get("start", "")),
+        "start": (_start(recipe), record["config"].get("start", "")),
         "budget": (recipe.budget, record["config"]["budget"]),
         # Not so if `--minutes` ended the training.
         "budget spent": (True, record["samples"] >= recipe.budget),
@@ -110,16 +110,11 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     return folder
 
 
-def _start(recipe: Recipe, record: Mapping[str, Any]) -> str:
-    """SHA-256 of the tracker that a policy of this recipe starts from, "" for none: of today's, or of an
-    earlier one if the policy did."""
+def _start(recipe: Recipe) -> str:
+    """SHA-256 of the tracker that a policy of this recipe starts from, "" for none."""
     from kinemimic.train.rollout.tracker_file import tracker_path  # noqa: PLC0415 (import cost)
 
-    if not recipe.start:
-        return ""
-    started = record["config"].get("start", "")
-    tracker = tracker_recipes().get(recipe.start)
-    return started if tracker and started in tracker.earlier else file_hash(tracker_path(recipe.start))
+    return file_hash(tracker_path(recipe.start)) if recipe.start else ""
 
 
 def reproduce(
