@@ -140,3 +140,12 @@ def going(performer: Performer) -> Callable[[Moment | None], Performed]:
     """Its frames, as of somebody who never stays on the spot."""
     perform = performer.perform
     return lambda moment: replace(perform(moment), on_the_spot=False)
+
+
+def test_without_a_policy_for_it_ankles_and_hips_balance(session: LiveSession) -> None:
+    live = begin_live_session(tracker_path("tracker").parent, session._engine, LiveSettings(), named=scenario)
+    live._standing = None
+    frames = [live.advance() for _ in range(3 * CONTROL_RATE)]
+    live.close()
+    assert not any(one.fallen for one in frames)
+    assert frames[-1].bodies.positions[0, 2] > 0.8
