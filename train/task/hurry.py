@@ -13,7 +13,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.sim.world import BodyStates
 
-TOLERATED = 0.4  # m/s: an undisturbed walk differs by less
+TOLERATED = 0.4  # m/s: in most steps, an undisturbed walk differs by less
 LARGEST = 1.5  # factor on the speed of the reference
 
 
