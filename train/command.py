@@ -28,15 +28,15 @@ from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
-from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
 from kinemimic.train.runner.closing_words import closing_words
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
+from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.scenario.event_schedule import check
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario

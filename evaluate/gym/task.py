@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
-from kinemimic.train.rollout.episodes import begin_episodes
+from kinemimic.train.sampling.episodes import begin_episodes
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import MAX_SPEED

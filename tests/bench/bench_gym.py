@@ -27,7 +27,7 @@ from kinemimic.evaluate.gym.task import load_motion
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
-from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.task.timer import Timer
 

@@ -29,7 +29,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.mlp import choose_gradient_dtype
 from kinemimic.train.ppo.ppo import PpoAlgorithm
-from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.sampling.sampler import Samples
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.observation import OBSERVATIONS
 

@@ -23,9 +23,9 @@ from kinemimic.pipeline.parallel.cluster import LOCAL
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
-from kinemimic.train.rollout.sampler_pool import OpenPool
-from kinemimic.train.rollout.simulators import simulators
-from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.sampling.pool import OpenPool
+from kinemimic.train.sampling.simulators import simulators
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.task.timer import Timer
 
 CONFIG = PRESETS["default"]

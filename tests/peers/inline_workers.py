@@ -9,8 +9,8 @@ import numpy as np
 
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
-from kinemimic.train.rollout.sampler_pool import OpenPool, OpenSampler, answer
-from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.sampling.pool import OpenPool, OpenSampler, answer
+from kinemimic.train.sampling.workers import Workers
 
 
 class InlinePool:

@@ -13,7 +13,7 @@ from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.mlp import Mlp
 from kinemimic.train.ppo.objective import kl_divergence, log_prob
 from kinemimic.train.ppo.ppo import PpoAlgorithm
-from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.sampling.sampler import Samples
 
 
 def sequential(mlp: Mlp) -> nn.Sequential:

@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Floats
 from kinemimic.train.baselines.shared_object import SharedObjectVecEnv
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import RewardConfig
-from kinemimic.train.rollout.sampler import Sampler
+from kinemimic.train.sampling.sampler import Sampler
 from kinemimic.train.task.env import ACTIONS, SIMULATION, TASK
 from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.timer import Seconds

@@ -33,9 +33,9 @@ from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES
-from kinemimic.train.rollout.sampler import INFERENCE, EnvStates, Sampler
 from kinemimic.train.runner.base import ROLLOUT, UPDATE, TrainingProgress, normalized_loss
 from kinemimic.train.runner.tensors import MEMORY, below, restore_optimizer
+from kinemimic.train.sampling.sampler import INFERENCE, EnvStates, Sampler
 from kinemimic.train.task.timer import Seconds, Timer, split
 
 _POLICY, _OPTIMIZER = "policy.", "optimizer."

@@ -49,7 +49,7 @@ class DomainRandomization:
     """Ranges (low, high) from which an episode draws at full strength; the defaults change nothing.
 
     push: N, horizontal in any direction on the pelvis for 0.2 s; adaptive_push: in training, its upper end
-    stands for a level that adapts to what the policy survives (`rollout/push_levels.py`); rest: s between
+    stands for a level that adapts to what the policy survives (`sampling/push_levels.py`); rest: s between
     pushes; friction: of the feet on the ground; mass: factor for every body; delay: s until an action takes
     effect, at most one control step; tilt, spin: standard deviations of the initial state from the reference,
     rad and rad/s, at the root and every joint; displacement: largest horizontal distance of the initial state

@@ -19,9 +19,9 @@ from kinemimic.train.ppo.mlp import CPU, Mlp
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
 from kinemimic.train.ppo.objective import ActorBatch, kl_divergence, log_prob, policy_gradients
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner.base import TrainingProgress, normalized_loss
 from kinemimic.train.runner.tensors import below, restore_optimizer
+from kinemimic.train.sampling.sampler import Samples
 from kinemimic.train.task.env import ACTIONS, ANKLES
 from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import observation_limits

@@ -10,9 +10,9 @@ from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import EnvStates, Samples
-from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE
+from kinemimic.train.sampling.sampler import EnvStates, Samples
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.task.timer import Seconds, Timer, split
 
 WAITING = "transfer and waiting"  # the rest of a rollout's time, apart from the workers' seconds

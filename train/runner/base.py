@@ -12,7 +12,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import EnvStates
+from kinemimic.train.sampling.sampler import EnvStates
 from kinemimic.train.task.timer import Seconds
 
 # Purposes of a round's time; a runner subdivides the rollout's.

@@ -22,9 +22,9 @@ from kinemimic.pipeline.files.validation.records import convert
 from kinemimic.pipeline.files.validation.strict_json import strict_json
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.runner.base import Algorithm
 from kinemimic.train.runner.tensors import MEMORY, below
+from kinemimic.train.sampling.sampler import EnvStates
 
 CHECKPOINT = "checkpoint.safetensors"
 CURVES = "tensorboard"  # the folder of the events beside it

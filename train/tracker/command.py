@@ -24,12 +24,12 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import STANDING, START_RATE, TRACKER, TRACKER_PRESETS
 from kinemimic.train.reference.reference_library import ReferenceLibrary
 from kinemimic.train.rollout.policy import POLICY
-from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
+from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.task.timer import Timer

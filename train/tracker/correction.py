@@ -28,8 +28,8 @@ from kinemimic.train.learning_control.distillation import fitted
 from kinemimic.train.reference.reference_library import ReferenceLibrary
 from kinemimic.train.rollout.evaluation import Episode, Evaluation
 from kinemimic.train.rollout.policy import POLICY, Policy
-from kinemimic.train.rollout.simulators import local_cores
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
+from kinemimic.train.sampling.simulators import local_cores
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.tracker.lessons import ENVIRONMENTS, collect_lessons
 from kinemimic.train.tracker.library_control import (

@@ -22,10 +22,10 @@ from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference_library import ReferenceLibrary
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import Samples
-from kinemimic.train.rollout.sampler_pool import OpenPool
-from kinemimic.train.rollout.sampler_processes import SamplerProcesses
-from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.sampling.pool import OpenPool
+from kinemimic.train.sampling.processes import SamplerProcesses
+from kinemimic.train.sampling.sampler import Samples
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.motion_sampling import MotionStatistics, Outcome
 from kinemimic.train.tracker.sampler import TrackerSampler

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference_library import FollowedReference, ReferenceLibrary
-from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import EnvSampler, EnvStates
+from kinemimic.train.sampling.episodes import begin_episodes
+from kinemimic.train.sampling.sampler import EnvSampler, EnvStates
 from kinemimic.train.tracker.motion_sampling import Outcome
 from kinemimic.train.tracker.performance import perform
 

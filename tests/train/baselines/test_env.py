@@ -14,7 +14,7 @@ from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.sampler import Sampler
+from kinemimic.train.sampling.sampler import Sampler
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 from kinemimic.train.task.observation import OBSERVATIONS

@@ -10,7 +10,7 @@ import torch
 
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.ppo import PpoAlgorithm
-from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.sampling.sampler import Samples
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.observation import OBSERVATIONS
 

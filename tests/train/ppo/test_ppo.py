@@ -16,8 +16,8 @@ from kinemimic.train.ppo import networks
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.networks import Normalizer
 from kinemimic.train.ppo.ppo import PpoAlgorithm, adapt_penalty, adapt_rate
-from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner.base import normalized_loss
+from kinemimic.train.sampling.sampler import Samples
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.observation import OBSERVATIONS
 

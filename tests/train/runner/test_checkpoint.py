@@ -19,9 +19,9 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.ppo.networks import export
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.evaluation import Evaluation
-from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.sampling.sampler import Samples
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.observation import OBSERVATIONS
 

@@ -12,7 +12,7 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.sampler import Sampler
+from kinemimic.train.sampling.sampler import Sampler
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import ACTIONS, ImitationBatch

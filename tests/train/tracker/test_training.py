@@ -26,7 +26,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import tracker_config
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.policy import Policy, is_tracker
-from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.sampling.sampler import Samples
 from kinemimic.train.tracker import command, performance, runner
 from kinemimic.train.tracker.command import train_tracker
 from kinemimic.train.tracker.sampler import TrackerSampler

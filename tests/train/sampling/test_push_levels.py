@@ -11,8 +11,8 @@ from peers.constant import constant
 from kinemimic.pipeline.files.validation.records import RecordError
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
-from kinemimic.train.rollout.push_levels import FALL, FIRST, HIGHEST, LOWEST, PROBATION, RISE, PushLevels
-from kinemimic.train.rollout.sampler import Sampler
+from kinemimic.train.sampling.push_levels import FALL, FIRST, HIGHEST, LOWEST, PROBATION, RISE, PushLevels
+from kinemimic.train.sampling.sampler import Sampler
 from kinemimic.train.task.domain_randomization import MAX_PUSHES, RandomizationSample
 from kinemimic.train.task.env import ACTIONS
 

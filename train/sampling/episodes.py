@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.config.env_config import EnvConfig
-from kinemimic.train.rollout.push_levels import PushLevels
+from kinemimic.train.sampling.push_levels import PushLevels
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ImitationBatch
 

@@ -18,11 +18,11 @@ from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode, Evaluator
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.push_levels import PushLevels
 from kinemimic.train.rollout.robustness import RobustnessEvaluation
+from kinemimic.train.sampling.episodes import begin_episodes
+from kinemimic.train.sampling.push_levels import PushLevels
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import TASK, ImitationBatch

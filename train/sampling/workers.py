@@ -17,9 +17,9 @@ from kinemimic.train.config.env_config import EnvConfig, RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES
-from kinemimic.train.rollout.sampler import EnvStates, Sampler, Samples
-from kinemimic.train.rollout.sampler_pool import SAMPLE, OpenPool, OpenSampler
-from kinemimic.train.rollout.sampler_processes import SamplerProcesses
+from kinemimic.train.sampling.pool import SAMPLE, OpenPool, OpenSampler
+from kinemimic.train.sampling.processes import SamplerProcesses
+from kinemimic.train.sampling.sampler import EnvStates, Sampler, Samples
 from kinemimic.train.task.timer import summed
 
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kinemimic.train.rollout.sampler import EnvSampler
+from kinemimic.train.sampling.sampler import EnvSampler
 
 # Opens a sampler from its seeds and the engine.
 OpenSampler = Callable[[list[np.random.SeedSequence], str], EnvSampler]

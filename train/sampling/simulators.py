@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.cluster import cluster
-from kinemimic.train.rollout.sampler_pool import OpenPool
-from kinemimic.train.rollout.sampler_processes import SamplerProcesses
+from kinemimic.train.sampling.pool import OpenPool
+from kinemimic.train.sampling.processes import SamplerProcesses
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def simulators(ray: str | None, workers: int | None = None) -> Iterator[Simulato
         yield Simulators(SamplerProcesses, local_cores(), shares_disk=True)
         return
     with cluster(ray, workers and max(workers, local_cores())) as cores:
-        from kinemimic.train.rollout.sampler_actors import SamplerActors  # noqa: PLC0415 (an extra)
+        from kinemimic.train.sampling.actors import SamplerActors  # noqa: PLC0415 (an extra)
 
         yield Simulators(SamplerActors, cores, shares_disk=False)
 

@@ -8,7 +8,7 @@ from peers.trackers import CONFIG, shipped_motion
 
 from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.episodes import begin_episodes
+from kinemimic.train.sampling.episodes import begin_episodes
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import ImitationBatch
 

@@ -14,10 +14,10 @@ from peers.constant import constant
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
-from kinemimic.train.rollout import sampler as rollout
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import Sampler, Samples
-from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.sampling import sampler as sampling
+from kinemimic.train.sampling.sampler import Sampler, Samples
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.task.env import ACTIONS
 
 NOISE = np.full(ACTIONS, 0.3, dtype=np.float32)
@@ -93,7 +93,7 @@ def test_what_begins_with_the_same_figures_goes_the_same_way(engine: str, motion
 def test_a_generator_comes_back_in_the_midst_of_a_draw() -> None:
     one, other = (np.random.Generator(np.random.PCG64(seed)) for seed in (1, 2))
     one.integers(10, dtype=np.uint32)  # keeps the other half of 64 bits
-    rollout._set_generator_state(other, rollout._generator_state(one).tolist())
+    sampling._set_generator_state(other, sampling._generator_state(one).tolist())
     assert one.bit_generator.state == other.bit_generator.state
     assert one.random(3).tolist() == other.random(3).tolist()
 
@@ -109,7 +109,7 @@ def test_exploded_figures_are_counted_once_and_start_again(
             self.lost[1] = self.steps in (2, 3)
             return super().step(*arguments)
 
-    monkeypatch.setattr(rollout, "open_world", lambda size, engine, threads: Exploding(size))
+    monkeypatch.setattr(sampling, "open_world", lambda size, engine, threads: Exploding(size))
     # Puppets are nowhere near their reference: nothing but an explosion ends an episode.
     blind = replace(EnvConfig(), max_height_error=1e9, max_rotation_error=1e9, max_drift=1e9)
     found = Sampler(motion, blind, seeds, "puppets").sample(idle(), NOISE, blind.reward, 0.0, 6)

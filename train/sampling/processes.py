@@ -11,7 +11,7 @@ import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
-from kinemimic.train.rollout.sampler_pool import OpenSampler, answer
+from kinemimic.train.sampling.pool import OpenSampler, answer
 
 
 def _serve(

@@ -14,8 +14,8 @@ from ray.exceptions import GetTimeoutError, ObjectLostError, RayActorError
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.cluster import ONE_THREAD
 from kinemimic.pipeline.parallel.node_identity import NodeIdentity
-from kinemimic.train.rollout.sampler import EnvSampler, EnvStates
-from kinemimic.train.rollout.sampler_pool import SAMPLE, OpenSampler, answer
+from kinemimic.train.sampling.pool import SAMPLE, OpenSampler, answer
+from kinemimic.train.sampling.sampler import EnvSampler, EnvStates
 from kinemimic.train.sim.engines import engine_identity
 
 # Losses of one sampler in one request before it is given up: the node is then hardly the reason.

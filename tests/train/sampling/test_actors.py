@@ -18,10 +18,10 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.node_identity import NodeIdentity
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import DomainRandomization, EnvConfig
-from kinemimic.train.rollout.sampler_pool import OpenPool, SamplerPool
-from kinemimic.train.rollout.sampler_processes import SamplerProcesses
-from kinemimic.train.rollout.simulators import simulators
-from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.sampling.pool import OpenPool, SamplerPool
+from kinemimic.train.sampling.processes import SamplerProcesses
+from kinemimic.train.sampling.simulators import simulators
+from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.task.env import ACTIONS
 
 Arrays = dict[str, NDArray[Any]]
@@ -109,10 +109,10 @@ def test_an_actor_on_another_kind_of_node_is_refused(
     motion: Motion, ray_nodes: RayNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The driver claims to be another machine; the actors, in their own processes, tell the truth."""
-    from kinemimic.train.rollout import sampler_actors  # noqa: PLC0415 (imports Ray)
+    from kinemimic.train.sampling import actors  # noqa: PLC0415 (imports Ray)
 
     other = NodeIdentity.here({"kinemimic-native": "9.9"})
-    monkeypatch.setattr(sampler_actors, "engine_identity", lambda engine: other)
+    monkeypatch.setattr(actors, "engine_identity", lambda engine: other)
     with (
         simulators(ray_nodes.cluster.address) as where,
         pytest.raises(KinemimicError, match=r"node 127\.0\.0\.1: expected kinemimic-native 9\.9"),
