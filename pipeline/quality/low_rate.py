@@ -8,7 +8,8 @@ LOW_RATE = 20.0
 
 def low_rate_note(rate: float) -> str:
     """A sentence on the peaks of the angles for a frame rate in Hz below LOW_RATE, else ""."""
-    if not rate < LOW_RATE:
+    # The rate follows from times, in which 20 Hz may be 19.9999.
+    if not round(rate, 1) < LOW_RATE:
         return ""
     return (
         f"recorded at {rate:.1f} Hz: below {LOW_RATE:g} Hz, the peaks of the joint angles are flattened (in "

@@ -42,6 +42,7 @@ _MODULES: tuple[str, ...] = (
     "laboratory.motive_csv",
     "mocap.c3d",
     "segments.amass",
+    "landmarks.joint_array",
     "segments.mvnx",
     "public_datasets.andersson",
     "public_datasets.ntu_rgbd",

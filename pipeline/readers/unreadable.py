@@ -32,7 +32,7 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
         b"\x93NUMPY",
         0,
         Unreadable(
-            "one numpy array, which does not say what its numbers are",
+            "a numpy array that is not of shape (frames, joints, 3) with a known number of joints",
             "save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
         ),
     ),

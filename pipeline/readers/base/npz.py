@@ -1,5 +1,5 @@
-"""Arrays of an .npz archive, which is a ZIP of .npy files: nothing is unpickled, and nothing is larger than
-it claims.
+"""Arrays of an .npz archive, which is a ZIP of .npy files, or of one .npy file: nothing is unpickled, and
+nothing is larger than it claims.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ _HEADER = re.compile(
     r"'fortran_order': (?P<fortran>True|False), 'shape': \((?P<shape>[\d, ]*)\), \}\s*"
 )
 _SAVE_AS = "arrays of Python objects are not read"
+# Bytes of an .npy file's mark and version, and of the longest header that numbers have.
+_MARK, _LONGEST_HEADER = 8, 1024
+_BEGINS = {b"\x93NUMPY\x01\x00": 10, b"\x93NUMPY\x02\x00": 12}
 
 
 def array_names(source: Source) -> frozenset[str]:
@@ -70,21 +73,56 @@ def read_arrays(source: Source, wanted: Sequence[str]) -> dict[str, NDArray[Any]
     return arrays
 
 
+def array_shapes(source: Source) -> dict[str, tuple[int, ...]]:
+    """The shapes of the arrays of numbers or words: by name in an .npz archive, of an .npy file under "".
+
+    Never raises: what cannot be read is left out.
+    """
+    heads = {"": source.content[:_LONGEST_HEADER]}
+    if names := array_names(source):
+        heads = {}
+        with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
+            for name in names:
+                try:
+                    with archive.open(name + _SUFFIX) as file:
+                        heads[name] = file.read(_LONGEST_HEADER)
+                except (zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError, RuntimeError):
+                    continue
+    shapes = {}
+    for name, head in heads.items():
+        begin = _BEGINS.get(head[:_MARK], len(head))
+        end = begin + int.from_bytes(head[_MARK:begin], "little") if begin < len(head) else begin
+        if header := _HEADER.fullmatch(head[begin:end].decode("latin-1")):
+            shapes[name] = _shape(header)
+    return shapes
+
+
+def read_array(source: Source, name: str) -> NDArray[Any]:
+    """The array that `array_shapes` calls `name`; CaptureError as in `read_arrays`."""
+    if name:
+        return read_arrays(source, [name])[name]
+    return _array(source.path.stem, source.content, source)
+
+
+def _shape(header: re.Match[str]) -> tuple[int, ...]:
+    return tuple(int(size) for size in re.findall(r"\d{1,12}", header["shape"]))
+
+
 def _array(name: str, content: bytes, source: Source) -> NDArray[Any]:
     """The array of an .npy file's bytes.
 
     `numpy.load` would first allocate whatever the header claims, and evaluates the header as Python.
     """
-    begin = {b"\x93NUMPY\x01\x00": 10, b"\x93NUMPY\x02\x00": 12}.get(content[:8])
+    begin = _BEGINS.get(content[:_MARK])
     if begin is None:
-        raise source.error(expected=f"{name}.npy of version 1 or 2", found=f"{content[:8]!r}")
-    data = begin + int.from_bytes(content[8:begin], "little")
+        raise source.error(expected=f"{name}.npy of version 1 or 2", found=f"{content[:_MARK]!r}")
+    data = begin + int.from_bytes(content[_MARK:begin], "little")
     header = _HEADER.fullmatch(content[begin:data].decode("latin-1"))
     if header is None:
         raise source.error(
             expected=f"numbers or words in {name}", found=f"{content[begin:data][:50]!r}", advice=_SAVE_AS
         )
-    shape = tuple(int(size) for size in re.findall(r"\d{1,12}", header["shape"]))
+    shape = _shape(header)
     dtype, rest = np.dtype(header["descr"]), content[data:]
     if dtype.itemsize == 0 or math.prod(shape) * dtype.itemsize != len(rest):
         raise source.error(

@@ -7,7 +7,7 @@ import pytest
 from kinemimic.pipeline.quality.low_rate import low_rate_note
 
 
-@pytest.mark.parametrize("rate", [20.0, 30.0, 120.0, float("nan")])
+@pytest.mark.parametrize("rate", [1.0 / 0.050001, 20.0, 30.0, 120.0, float("nan")])
 def test_usual_rates_have_no_note(rate: float) -> None:
     assert low_rate_note(rate) == ""
 

@@ -202,7 +202,7 @@ WALK = b"HIERARCHY " * 100
         (lzma.compress(WALK), "a file packed by xz; unpack it first"),
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),
         (WALK.decode().encode("utf-16-le"), "text in UTF-16 without a byte-order mark; save it as UTF-8"),
-        (saved(np.zeros((9, 17, 3))), "one numpy array, which does not say"),
+        (saved(np.zeros((9, 18, 3))), "a numpy array that is not of shape"),
         (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; the layout of AMASS has trans and"),
         (
             archive(global_orient=np.zeros(3), body_pose=np.zeros(3), transl=np.zeros(3)),

@@ -1,0 +1,134 @@
+"""The joint sets in which networks and data sets give joints as one array, told apart by the body they show.
+
+An array has no names, and several sets have as many joints. In the right order, the bones of the limbs keep
+their lengths, and left and right ones are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
+from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS
+from kinemimic.pipeline.readers.segments.amass import JOINTS as SMPL_22
+
+# Frames, spread over the recording, in which bones are measured.
+_SAMPLE_FRAMES = 200
+# Largest error of a body (`_error`): bones that a network finds vary by a tenth, wrong ones by half or more.
+_LARGEST_ERROR = 0.3
+_SIDES = ("left", "right")
+_LIMBS = tuple(f"{joint}_{side}" for joint in ("elbow", "wrist", "knee", "ankle") for side in _SIDES)
+
+
+@dataclass(frozen=True)
+class JointSet:
+    """name: usual one; world_from_file: (4,) rotation from the usual axes of such arrays to ours; rate: their
+    usual frame rate, Hz; also: joints in whose middle a node is, where its name does not say so."""
+
+    name: str
+    joints: tuple[str, ...]
+    world_from_file: Array
+    rate: float = 30.0
+    also: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def nodes(self) -> dict[str, list[int]]:
+        """The joints in whose middle every node is that the set shows."""
+        named = {node: [joint] for node, joint in joints_by_name(self.joints).items()}
+        return named | {
+            node: [self.joints.index(name) for name in names] for node, names in self.also.items()
+        }
+
+
+def places(points: Array, joint_set: JointSet) -> dict[str, Array]:
+    """Node -> its places (T, 3) in points (T, J, 3)."""
+    return {node: points[:, joints].mean(axis=1) for node, joints in joint_set.nodes.items()}
+
+
+def _sided(*joints: str, first: str) -> tuple[str, ...]:
+    sides = (first, "right" if first == "left" else "left")
+    return tuple(f"{side}_{joint}" for joint in joints for side in sides)
+
+
+# Order of Human3.6M's 17 joints in VideoPose3D and its successors (MotionBERT, MMPose).
+_HUMAN36M: tuple[str, ...] = (
+    "pelvis",
+    *(f"{side}_{joint}" for side in ("right", "left") for joint in ("hip", "knee", "ankle")),
+    "spine", "neck", "nose", "head",
+    *(f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")),
+)  # fmt: skip
+_COCO: tuple[str, ...] = (
+    "nose",
+    *_sided("eye", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", first="left"),
+)
+# OpenPose's BODY_25, triangulated or lifted.
+_BODY_25: tuple[str, ...] = (
+    "nose", "neck",
+    *(f"{side}_{joint}" for side in ("right", "left") for joint in ("shoulder", "elbow", "wrist")),
+    "pelvis",
+    *(f"{side}_{joint}" for side in ("right", "left") for joint in ("hip", "knee", "ankle")),
+    *_sided("eye", "ear", first="right"),
+    *(f"{side}_{part}" for side in ("left", "right") for part in ("big_toe", "small_toe", "heel")),
+)  # fmt: skip
+_SMPL_24 = (*SMPL_22, "left_hand", "right_hand")
+# As in `blaze_pose.py`: a head's centre is between the ears, a palm between the knuckles.
+_HEAD = {"head": ("left_ear", "right_ear")}
+SETS: tuple[JointSet, ...] = (
+    JointSet("Human3.6M, 17 joints", _HUMAN36M, WORLD_FROM_CAMERA),
+    JointSet("COCO, 17 keypoints", _COCO, WORLD_FROM_CAMERA, also=_HEAD),
+    JointSet("Kinect v1, 20 joints", NODES, Y_UP_TO_Z_UP),
+    # HumanML3D's, and what is generated in its form.
+    JointSet("SMPL, 22 joints", SMPL_22, Y_UP_TO_Z_UP, rate=20.0),
+    JointSet("SMPL, 24 joints", _SMPL_24, Y_UP_TO_Z_UP),
+    JointSet("Kinect v2, 25 joints", SDK_JOINTS, Y_UP_TO_Z_UP),
+    JointSet(
+        "OpenPose BODY_25", _BODY_25, WORLD_FROM_CAMERA,
+        also={**_HEAD, **{f"foot_{side}": (f"{side}_big_toe",) for side in _SIDES}},
+    ),
+    JointSet(
+        "MediaPipe, 33 landmarks", LANDMARKS, WORLD_FROM_CAMERA,
+        also={
+            **_HEAD,
+            **{f"hand_{side}": (f"{side}_index", f"{side}_pinky") for side in _SIDES},
+            **{f"foot_{side}": (f"{side}_foot_index",) for side in _SIDES},
+        },
+    ),
+)  # fmt: skip
+COUNTS: frozenset[int] = frozenset(len(joint_set.joints) for joint_set in SETS)
+
+
+def joint_set_of(points: Array) -> JointSet | None:
+    """The set of as many joints whose order makes a body of points (T, J, 3); None if none does."""
+    found = [
+        (_error(points, joint_set), joint_set)
+        for joint_set in SETS
+        if len(joint_set.joints) == points.shape[1]
+    ]
+    error, best = min(found, key=lambda pair: pair[0])
+    return best if error <= _LARGEST_ERROR else None
+
+
+def _error(points: Array, joint_set: JointSet) -> float:
+    """Mean over the limbs' bones of the variation of their lengths, and of the difference between the sides,
+    as shares of the lengths; infinity if a bone is never seen."""
+    nodes = places(points[:: len(points) // _SAMPLE_FRAMES + 1], joint_set)
+    medians, variations = [], []
+    for limb in _LIMBS:
+        parent = NODES[NODE_PARENTS[NODE_INDEX[limb]]]
+        with np.errstate(over="ignore", invalid="ignore"):  # a damaged file may hold any number
+            lengths = np.linalg.norm(nodes[limb] - nodes[parent], axis=-1)
+        lengths = lengths[np.isfinite(lengths)]
+        if not len(lengths) or not (median := float(np.median(lengths))) > 0.0:
+            return np.inf
+        medians.append(median)
+        variations.append(float(np.median(np.abs(lengths - median))) / median)
+    left, right = np.array(medians[::2]), np.array(medians[1::2])
+    return float(np.mean(variations) + np.mean(np.abs(left - right) / np.maximum(left, right)))

@@ -1,0 +1,130 @@
+"""Joint arrays: the known walk in every joint set, and what is no body in any of them."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples.joint_array import files, joints, saved
+from samples.motion import Walk, walk
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.quality.check import check_capture
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.landmarks.joint_sets import SETS, JointSet, joint_set_of
+
+HUMAN36M, COCO = SETS[:2]
+
+
+def read(content: bytes, name: str = "joints.npy") -> Clip:
+    return recognise.read_source(Source(Path(name), content, hashlib.sha256(content).hexdigest()))
+
+
+def zipped(**arrays: object) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def truth(shown: Walk, clip: Clip) -> np.ndarray:
+    return np.stack([shown.joints[:, NODE_INDEX[name]] for name in clip.skeleton.names], axis=1)
+
+
+@pytest.mark.parametrize("joint_set", SETS, ids=lambda joint_set: joint_set.name)
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_every_set_is_told_by_the_body_that_it_makes(joint_set: JointSet, unit: float) -> None:
+    shown = walk(60)
+    clip = read(saved(unit * joints(shown, joint_set)))
+    assert clip.provenance["format"] == "joint array"
+    assert clip.provenance["reading"]["units"] == ("m" if unit == 1.0 else "mm")
+    assert clip.provenance["reading"]["notes"][0].startswith(joint_set.name)
+    assert clip.rate == pytest.approx(joint_set.rate)
+    assert set(clip.skeleton.names) == joint_set.nodes.keys()
+    np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+
+
+@pytest.mark.parametrize("unused", [(), (0,), (1,)])
+def test_an_axis_of_one_person_and_other_arrays_of_an_archive(unused: tuple[int, ...]) -> None:
+    points = joints(walk(30), COCO)
+    expected = read(saved(points)).positions
+    packed = zipped(reconstruction=np.expand_dims(points, unused), scores=np.ones((30, 17)))
+    np.testing.assert_array_equal(read(packed, "joints.npz").positions, expected)
+
+
+def test_joints_about_the_pelvis_have_no_pelvis() -> None:
+    shown = walk(60)
+    clip = read(files(60)["joints.npy"])
+    assert "hip_center" not in clip.skeleton.names
+    hips = shown.joints[:, [NODE_INDEX["hip_center"]]]
+    np.testing.assert_allclose(clip.positions, truth(shown, clip) - hips, atol=1e-6)
+
+
+def test_other_axes_are_turned_upright() -> None:
+    """The usual axes are only a first guess: a generator may have Z up."""
+    points = rotate(COCO.world_from_file, joints(walk(120), COCO))
+    clip = check_capture(read(saved(points))).clip
+    head, ankle = (clip.positions[:, clip.skeleton.names.index(name), 2] for name in ("head", "ankle_left"))
+    assert (head > ankle + 1.0).all()
+
+
+def test_joints_that_are_not_seen_are_missing() -> None:
+    points = joints(walk(30), HUMAN36M)
+    wrist = HUMAN36M.joints.index("left_wrist")
+    points[10:20, wrist] = np.nan
+    clip = read(saved(points))
+    column = clip.skeleton.names.index("wrist_left")
+    np.testing.assert_array_equal(np.isnan(clip.positions[..., 0]).nonzero()[0], np.arange(10, 20))
+    assert not clip.states[10:20, column].any()
+
+
+def test_no_body_in_any_order_is_refused() -> None:
+    points = joints(walk(60), HUMAN36M)
+    assert joint_set_of(points) is HUMAN36M
+    with pytest.raises(CaptureError, match="found limbs that change their lengths"):
+        read(saved(points[:, ::-1]))
+
+
+@pytest.mark.parametrize("size", [1.0, 1000.0])
+def test_keypoints_in_a_picture_are_refused(size: float) -> None:
+    places = joints(walk(30), COCO)[..., :2]
+    flat = size * (places - places.min(axis=(0, 1))) / np.ptp(places)
+    with pytest.raises(CaptureError, match="found places in a picture with a confidence"):
+        read(saved(np.concatenate([flat, np.full((30, 17, 1), 0.9)], axis=-1)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        saved(np.zeros((30, 18, 3))),
+        saved(np.zeros((30, 17, 2))),
+        saved(np.zeros((2, 30, 17, 3))),
+        saved(np.zeros((1, 17, 3))),
+    ],
+)
+def test_other_shapes_are_refused(content: bytes) -> None:
+    with pytest.raises(CaptureError, match=r"a numpy array that is not of shape \(frames, joints, 3\)"):
+        read(content)
+
+
+def test_two_people_in_an_archive_are_refused() -> None:
+    points = joints(walk(30), COCO)
+    with pytest.raises(CaptureError, match=r"an \.npz archive of one, two"):
+        read(zipped(one=points, two=points), "joints.npz")
+
+
+def test_an_array_of_objects_is_not_unpickled() -> None:
+    with pytest.raises(CaptureError, match="a numpy array that is not of shape"):
+        read(saved(np.array([{"joints": 1}], dtype=object)))
+
+
+def test_a_file_that_is_cut_off() -> None:
+    content = saved(joints(walk(30), COCO))
+    with pytest.raises(CaptureError, match="it is damaged"):
+        read(content[:-100])
