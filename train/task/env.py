@@ -220,10 +220,13 @@ class ImitationBatch:
         self.bodies = self.world.step(targets, velocities, wrenches)
         self.timer.lap(SIMULATION)
         pace = hurry(self.bodies, self.target) if self.config.hurry else 1.0
+        # The step aimed at the pose one increment on, and is compared with it; a hurry begins after it.
+        aimed = self._ahead[0]
+        if self.config.preview[0] != 1:
+            aimed = self.reference.bodies(self.phases + self._increment)
         self.phases = self.phases + pace * self._increment
         self.ages += 1
-        ahead = self._ahead[0] if self.config.preview[0] == 1 else self.reference.bodies(self.phases)
-        self._update_target(ahead)
+        self._update_target(aimed)
         terminated = self.terminated()
         truncated = ~terminated & (self.ages >= self.config.steps)
         truncated |= ~terminated & ~np.asarray(self.reference.cyclic) & (self.phases >= 1.0)
