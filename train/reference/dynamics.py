@@ -100,9 +100,10 @@ def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array
         )
         contact[t, near] = np.einsum("pk,pki->pi", found.reshape(-1, 4), unit)
 
+    turning = np.cross(places - bodies.positions[:, _OWNER], contact)
     for point, owner in enumerate(_OWNER):
         forces[:, owner] -= contact[:, point]
-        moments[:, owner] -= np.cross(places[:, point] - bodies.positions[:, owner], contact[:, point])
+        moments[:, owner] -= turning[:, point]
     # From the leaves: each joint gives its child's force and moment, which the parent then needs in addition.
     force, moment = forces.copy(), moments + np.cross(bodies.positions - joints, forces)
     for index in range(len(BODIES) - 1, 0, -1):
