@@ -1,6 +1,6 @@
 """Pushes of training as hard as the policy can bear, in each direction.
 
-From behind, a humanoid falls at pushes that hardly disturb it from the front, and episodes that end early
+From the front, a humanoid falls at pushes that hardly disturb it from behind, and episodes that end early
 teach little. So each environment has a level for each direction, which rises when the policy survives a push
 near it and sinks when it falls, like the levels of terrain of N. Rudin et al., "Learning to Walk in Minutes
 Using Massively Parallel Deep Reinforcement Learning" (CoRL 2021).

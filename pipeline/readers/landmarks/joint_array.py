@@ -1,7 +1,7 @@
 """Joint arrays: numbers of shape (frames, joints, 3) in an .npy file, or in an .npz archive.
 
-So networks that lift videos to three dimensions (VideoPose3D, MotionBERT, MMPose), data sets and programs
-that generate motion (HumanML3D) keep joints. The array names neither its joints nor its unit, axes or rate:
+Networks that lift videos to three dimensions (VideoPose3D, MMPose), data sets and programs that generate
+motion (HumanML3D) store joints like this. The array names neither its joints nor its unit, axes or rate:
 the joints are those of the set in which they make a body (`joint_sets.py`), the unit follows from the legs,
 and the rate is the set's usual one unless --rate states another.
 """
