@@ -71,3 +71,22 @@ def test_the_phases_of_a_humanoid_that_is_pushed_run_faster(motion: Motion, engi
     np.testing.assert_allclose(phases["clock"], 0.2 + 8.0 * step)
     np.testing.assert_allclose(phases["hurry"][0], phases["clock"][0])
     assert 0.2 + 9.0 * step < phases["hurry"][1] <= 0.2 + 8.0 * LARGEST * step
+
+
+@pytest.mark.parametrize("preview", [(1, 4), (4,)])
+def test_a_step_is_compared_with_the_pose_that_it_aimed_at(
+    motion: Motion, engine: str, preview: tuple[int, ...]
+) -> None:
+    batch = ImitationBatch(open_world(1, engine), Reference(motion), EnvConfig(hurry=True, preview=preview))
+    batch.reset(np.arange(1), np.array([0.2]))
+    wrenches = np.zeros((1, 15, 6))
+    wrenches[0, 0, 0] = 600.0
+    step, hurried = 1.0 / (30.0 * motion.duration), 0
+    for _ in range(8):
+        before = batch.phases
+        batch.step(np.zeros((1, ACTIONS)), wrenches)
+        aimed = batch.reference.bodies(before + step)
+        np.testing.assert_allclose(batch.target.positions, aimed.positions, atol=1e-9)
+        hurried += int(batch.phases[0] > before[0] + 1.1 * step)
+    batch.world.close()
+    assert hurried
