@@ -22,10 +22,17 @@ def joints(shown: Walk, joint_set: JointSet) -> Array:
     return rotate(conjugate(joint_set.world_from_file), points)
 
 
-def saved(array: Array) -> bytes:
+def saved(array: object) -> bytes:
     """As an .npy file."""
     buffer = io.BytesIO()
-    np.save(buffer, array)
+    np.save(buffer, array)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def archive(**arrays: object) -> bytes:
+    """As an .npz file."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
 
 

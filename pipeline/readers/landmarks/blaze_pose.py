@@ -38,7 +38,7 @@ LANDMARKS: tuple[str, ...] = (
 )
 NUMBER: dict[str, int] = {name: number for number, name in enumerate(LANDMARKS)}
 # Node -> the landmarks whose middle it is: between the ears is a head's centre, between the knuckles a palm.
-_OF_NODE: dict[str, tuple[str, ...]] = {
+OF_NODE: dict[str, tuple[str, ...]] = {
     "head": ("left_ear", "right_ear"),
     **{
         f"{joint}_{side}": (f"{side}_{joint}",)
@@ -120,7 +120,7 @@ def clip_of_landmarks(
     """
     nodes, places, states = [], [], []
     for node in NODES:
-        numbers = [NUMBER[name] for name in _OF_NODE.get(node, ())]
+        numbers = [NUMBER[name] for name in OF_NODE.get(node, ())]
         if not numbers or not np.isfinite(points[:, numbers]).all(axis=(1, 2)).any():
             continue
         nodes.append(node)

@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
-from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, OF_NODE
 from kinemimic.pipeline.readers.segments.amass import JOINTS as SMPL_22
 
 # Frames, spread over the recording, in which bones are measured.
@@ -79,8 +79,7 @@ _BODY_25: tuple[str, ...] = (
     *(f"{side}_{part}" for side in ("left", "right") for part in ("big_toe", "small_toe", "heel")),
 )  # fmt: skip
 _SMPL_24 = (*SMPL_22, "left_hand", "right_hand")
-# As in `blaze_pose.py`: a head's centre is between the ears, a palm between the knuckles.
-_HEAD = {"head": ("left_ear", "right_ear")}
+_HEAD = {"head": OF_NODE["head"]}  # COCO and OpenPose call the ears as MediaPipe does
 SETS: tuple[JointSet, ...] = (
     JointSet("Human3.6M, 17 joints", _HUMAN36M, WORLD_FROM_CAMERA),
     JointSet("COCO, 17 keypoints", _COCO, WORLD_FROM_CAMERA, also=_HEAD),
@@ -93,14 +92,7 @@ SETS: tuple[JointSet, ...] = (
         "OpenPose BODY_25", _BODY_25, WORLD_FROM_CAMERA,
         also={**_HEAD, **{f"foot_{side}": (f"{side}_big_toe",) for side in _SIDES}},
     ),
-    JointSet(
-        "MediaPipe, 33 landmarks", LANDMARKS, WORLD_FROM_CAMERA,
-        also={
-            **_HEAD,
-            **{f"hand_{side}": (f"{side}_index", f"{side}_pinky") for side in _SIDES},
-            **{f"foot_{side}": (f"{side}_foot_index",) for side in _SIDES},
-        },
-    ),
+    JointSet("MediaPipe, 33 landmarks", LANDMARKS, WORLD_FROM_CAMERA, also=OF_NODE),
 )  # fmt: skip
 COUNTS: frozenset[int] = frozenset(len(joint_set.joints) for joint_set in SETS)
 

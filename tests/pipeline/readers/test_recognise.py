@@ -21,6 +21,7 @@ import pytest
 import samples
 from samples import andersson, asf_amc, kimore, nui_skl, reader_modules, treadmill
 from samples import bvh as bvh_sample
+from samples.joint_array import archive, saved
 
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.readers import recognise
@@ -161,12 +162,6 @@ def test_lines_of_any_white_space_are_blank(bvh: Text) -> None:
         assert samples.source_of(f"{space}\n\n{bvh()}", Path("a.bvh")).blank_lines == 2
 
 
-def archive(**arrays: object) -> bytes:
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()
-
-
 def zipped(content: bytes, name: str = "walk.bvh") -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as packed:
@@ -180,12 +175,6 @@ def tarred(content: bytes) -> bytes:
         member = tarfile.TarInfo("walk.bvh")
         member.size = len(content)
         packed.addfile(member, io.BytesIO(content))
-    return buffer.getvalue()
-
-
-def saved(array: object) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, array)  # type: ignore[arg-type]
     return buffer.getvalue()
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
-from samples.joint_array import files, joints, saved
+from samples.joint_array import archive, files, joints, saved
 from samples.motion import Walk, walk
 
 from kinemimic.pipeline.errors import CaptureError
@@ -25,12 +24,6 @@ HUMAN36M, COCO = SETS[:2]
 
 def read(content: bytes, name: str = "joints.npy") -> Clip:
     return recognise.read_source(Source(Path(name), content, hashlib.sha256(content).hexdigest()))
-
-
-def zipped(**arrays: object) -> bytes:
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()
 
 
 def truth(shown: Walk, clip: Clip) -> np.ndarray:
@@ -54,7 +47,7 @@ def test_every_set_is_told_by_the_body_that_it_makes(joint_set: JointSet, unit: 
 def test_an_axis_of_one_person_and_other_arrays_of_an_archive(unused: tuple[int, ...]) -> None:
     points = joints(walk(30), COCO)
     expected = read(saved(points)).positions
-    packed = zipped(reconstruction=np.expand_dims(points, unused), scores=np.ones((30, 17)))
+    packed = archive(reconstruction=np.expand_dims(points, unused), scores=np.ones((30, 17)))
     np.testing.assert_array_equal(read(packed, "joints.npz").positions, expected)
 
 
@@ -116,7 +109,7 @@ def test_other_shapes_are_refused(content: bytes) -> None:
 def test_two_people_in_an_archive_are_refused() -> None:
     points = joints(walk(30), COCO)
     with pytest.raises(CaptureError, match=r"an \.npz archive of one, two"):
-        read(zipped(one=points, two=points), "joints.npz")
+        read(archive(one=points, two=points), "joints.npz")
 
 
 def test_an_array_of_objects_is_not_unpickled() -> None:
