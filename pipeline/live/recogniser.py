@@ -18,10 +18,11 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.live.frame import CapturedFrame
-from kinemimic.pipeline.live.layouts import LAYOUTS, Layout
+from kinemimic.pipeline.live.layouts import LAYOUTS
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.pipeline.quality.rules.length_units import UNITS, plausible_units
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
+from kinemimic.pipeline.readers.landmarks.joint_sets import JointSet
 
 FIRST = 10  # frames with both legs and a trunk, before anything is decided
 # The upward direction in the sender's axes -> rotation to ours.
@@ -43,7 +44,7 @@ class Reading:
     turn: (4,) rotation to our axes; metres: of its unit; hips: factor on their distance.
     """
 
-    layout: Layout
+    layout: JointSet
     turn: Array
     metres: float
     unit: str
@@ -58,13 +59,13 @@ class Reading:
         return rotate(self.turn, self.metres * points), states
 
 
-def on_nodes(frame: CapturedFrame, layout: Layout) -> tuple[Array, States]:
+def on_nodes(frame: CapturedFrame, layout: JointSet) -> tuple[Array, States]:
     """Positions (20, 3) in the sender's axes and unit, NaN where missing, and states (20,)."""
     points, states = frame.arrays()
     positions = np.full((1, len(NODES), 3), np.nan)
     known = np.zeros((1, len(NODES)), dtype=np.uint8)
-    for node, joint in layout.nodes.items():
-        positions[0, N[node]], known[0, N[node]] = points[joint], states[joint]
+    for node, joints in layout.nodes.items():
+        positions[0, N[node]], known[0, N[node]] = points[joints].mean(axis=0), states[joints].min()
     complete(positions, known, set(layout.nodes))
     return positions[0], known[0]
 
@@ -80,7 +81,7 @@ class Recogniser:
             raise KinemimicError(f"expected an axis among {', '.join(UP_NAMES)}, found {up!r:.20}")
         self.reading: Reading | None = None
         self._up = up
-        self._layout: Layout | None = None
+        self._layout: JointSet | None = None
         self._seen: list[Array] = []
 
     def take(self, frame: CapturedFrame) -> bool:
@@ -106,7 +107,7 @@ class Recogniser:
                 self.reading = self._decided(layout, seen)
         return self.reading is not None
 
-    def _decided(self, layout: Layout, p: Array) -> Reading:
+    def _decided(self, layout: JointSet, p: Array) -> Reading:
         bones = np.nanmedian(leg_bones(p), axis=0)
         leg = 0.5 * float(bones.sum())
         possible = plausible_units(leg, UNITS)

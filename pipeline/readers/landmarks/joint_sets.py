@@ -1,4 +1,5 @@
-"""The joint sets in which networks and data sets give joints as one array, told apart by the body they show.
+"""The joint sets of sensors, networks and data sets that give joints as one array, told apart by the body
+they show.
 
 An array has no names, and several sets have as many joints. In the right order, the bones of the limbs keep
 their lengths, and left and right ones are alike.
@@ -8,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
-from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
+from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS, WORLD_FROM_CAMERA
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, OF_NODE
 from kinemimic.pipeline.readers.segments.amass import JOINTS as SMPL_22
@@ -39,7 +41,7 @@ class JointSet:
     rate: float = 30.0
     also: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def nodes(self) -> dict[str, list[int]]:
         """The joints in whose middle every node is that the set shows."""
         named = {node: [joint] for node, joint in joints_by_name(self.joints).items()}
@@ -65,6 +67,17 @@ _HUMAN36M: tuple[str, ...] = (
     "spine", "neck", "nose", "head",
     *(f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")),
 )  # fmt: skip
+# All 32 of Human3.6M: some twice, and the ends of chains.
+_HUMAN36M_ALL: tuple[str, ...] = (
+    "pelvis",
+    *(f"right_{joint}" for joint in ("hip", "knee", "ankle", "toes", "toes_end")),
+    *(f"left_{joint}" for joint in ("hip", "knee", "ankle", "toes", "toes_end")),
+    "pelvis_again", "spine", "neck", "nose", "head",
+    "neck_left", *(f"left_{joint}" for joint in ("shoulder", "elbow", "wrist", "wrist_again", "thumb")),
+    "left_fingers", "left_fingers_end",
+    "neck_right", *(f"right_{joint}" for joint in ("shoulder", "elbow", "wrist", "wrist_again", "thumb")),
+    "right_fingers", "right_fingers_end",
+)  # fmt: skip
 _COCO: tuple[str, ...] = (
     "nose",
     *_sided("eye", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", first="left"),
@@ -80,19 +93,29 @@ _BODY_25: tuple[str, ...] = (
 )  # fmt: skip
 _SMPL_24 = (*SMPL_22, "left_hand", "right_hand")
 _HEAD = {"head": OF_NODE["head"]}  # COCO and OpenPose call the ears as MediaPipe does
+KINECT_V1 = JointSet("Kinect v1", NODES, Y_UP_TO_Z_UP)
+KINECT_V2 = JointSet("Kinect v2", SDK_JOINTS, Y_UP_TO_Z_UP)
+AZURE_KINECT = JointSet("Azure Kinect", AZURE_JOINTS, WORLD_FROM_CAMERA)
+MEDIAPIPE = JointSet("MediaPipe", LANDMARKS, WORLD_FROM_CAMERA, also=OF_NODE)
 SETS: tuple[JointSet, ...] = (
     JointSet("Human3.6M, 17 joints", _HUMAN36M, WORLD_FROM_CAMERA),
     JointSet("COCO, 17 keypoints", _COCO, WORLD_FROM_CAMERA, also=_HEAD),
-    JointSet("Kinect v1, 20 joints", NODES, Y_UP_TO_Z_UP),
+    KINECT_V1,
     # HumanML3D's, and what is generated in its form.
     JointSet("SMPL, 22 joints", SMPL_22, Y_UP_TO_Z_UP, rate=20.0),
     JointSet("SMPL, 24 joints", _SMPL_24, Y_UP_TO_Z_UP),
-    JointSet("Kinect v2, 25 joints", SDK_JOINTS, Y_UP_TO_Z_UP),
+    KINECT_V2,
     JointSet(
         "OpenPose BODY_25", _BODY_25, WORLD_FROM_CAMERA,
         also={**_HEAD, **{f"foot_{side}": (f"{side}_big_toe",) for side in _SIDES}},
     ),
-    JointSet("MediaPipe, 33 landmarks", LANDMARKS, WORLD_FROM_CAMERA, also=OF_NODE),
+    AZURE_KINECT,
+    JointSet(
+        "Human3.6M, 32 joints", _HUMAN36M_ALL, IDENTITY, rate=50.0,
+        also={f"{node}_{side}": (f"{side}_{joint}",)
+              for node, joint in (("foot", "toes"), ("hand", "fingers")) for side in _SIDES},
+    ),
+    MEDIAPIPE,
 )  # fmt: skip
 COUNTS: frozenset[int] = frozenset(len(joint_set.joints) for joint_set in SETS)
 

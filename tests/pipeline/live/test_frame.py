@@ -29,10 +29,11 @@ def test_each_layout_shows_both_legs_and_the_trunk() -> None:
     for layout in LAYOUTS.values():
         legs = {f"{joint}_{side}" for joint in ("hip", "knee", "ankle", "foot") for side in ("left", "right")}
         assert legs | {"head", "shoulder_left", "wrist_right"} <= layout.nodes.keys()
-        assert len(set(layout.nodes.values())) == len(layout.nodes)
-        for node, joint in layout.nodes.items():
+        used = [joint for joints in layout.nodes.values() for joint in joints]
+        assert len(set(used)) == len(used)
+        for node, joints in layout.nodes.items():
             if node.endswith(("_left", "_right")):
-                assert node.rsplit("_", 1)[1] in layout.joints[joint].lower()
+                assert all(node.rsplit("_", 1)[1] in layout.joints[joint].lower() for joint in joints)
 
 
 def test_missing_joints_are_nan_and_confidence_becomes_states() -> None:
