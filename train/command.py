@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +13,16 @@ import torch
 
 from kinemimic.pipeline.cli.options import json_option, ray_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.stage import reading
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.from_tracker import from_tracker
-from kinemimic.train.config.presets import preset
-from kinemimic.train.learning_control.corrector import Corrector, correction_samples
+from kinemimic.train.learning_control.corrector import Corrector
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
-from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
@@ -37,10 +31,9 @@ from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
 from kinemimic.train.sampling.workers import Workers
-from kinemimic.train.scenario.event_schedule import check
-from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
+from kinemimic.train.settings import Settings, settings_for
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
 from kinemimic.train.task.timer import Timer, table
@@ -92,57 +85,39 @@ def train(
     """
     if config is not None and start is not None:
         raise KinemimicError("train: expected config or start, found both; start has settings of its own")
+    timer = Timer()
     with reading(run, "train"), simulators(ray, workers) as where:
-        return _train(
-            run,
-            where,
+        motion = read_motion_json(run / "motion.json")
+        require_trainable(run, motion, anyway=anyway)
+        settings = settings_for(
+            motion,
             preset_name=preset_name,
-            budget=budget,
-            minutes=minutes,
             seed=seed,
-            workers=workers,
-            engine=resolve(engine),
-            resume=resume,
-            anyway=anyway,
-            scenario=scenario,
             start=start,
             config=config,
+            budget=budget,
+            scenario=scenario,
+        )
+        count = where.count(workers, settings.config.num_envs)
+        return _train(
+            run, motion, settings, where, count, resolve(engine), timer, minutes=minutes, resume=resume
         )
 
 
 def _train(
     run: Path,
+    motion: Motion,
+    settings: Settings,
     where: Simulators,
-    *,
-    preset_name: str,
-    budget: int | None,
-    minutes: float | None,
-    seed: int,
-    workers: int | None,
+    count: int,
     engine: str,
+    timer: Timer,
+    *,
+    minutes: float | None,
     resume: bool,
-    anyway: bool,
-    scenario: Scenario | None,
-    start: str | None,
-    config: TrainConfig | None,
 ) -> dict[str, Any]:
-    timer = Timer()
-    motion = read_motion_json(run / "motion.json")
-    require_trainable(run, motion, anyway=anyway)
-    initial: Policy | None = None
-    if start is not None:
-        initial, config = _start(start, preset_name, seed)
-    if config is None:
-        config = preset(preset_name, seed=seed)
-    if scenario is not None:
-        config = replace(config, env=replace(config.env, scenario=scenario))
-    if config.env.scenario is not None:
-        check(config.env.scenario, reference_for(motion, config.env.scenario))
-    if budget is not None:
-        config = replace(config, budget=budget, max_budget=0)
-    if config.budget < 1:
-        raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
-    config, reserved = _with_learning_control(config, motion)
+    """Train on `where` with `count` workers; the other arguments as in `train`."""
+    config = settings.config
     if config.baseline is not None:
         require_package()
         if not where.shares_disk:
@@ -150,15 +125,14 @@ def _train(
                 f"--ray: expected a preset of our PPO, found {config.preset}: "
                 "baselines simulate in the process that learns"
             )
-    count = where.count(workers, config.num_envs)
     # A baseline's small products gain little from a second thread, and lose much where a core is busy:
     # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
     torch.set_num_threads(min(count, local_cores()) if config.baseline is None else 1)
     algorithm = _algorithm(config, motion, engine, count)
-    if initial is not None:
+    if settings.initial is not None:
         assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
-        algorithm.begin_from(initial)
-    training = TrainingState(algorithm, reserved=reserved)
+        algorithm.begin_from(settings.initial)
+    training = TrainingState(algorithm, reserved=settings.reserved)
     saved = run / CHECKPOINT
     advice = "delete it or train with --no-resume"
     resumed = (
@@ -183,28 +157,6 @@ def _train(
             loop = TrainingLoop(training, runner, imitated, saved, timer, seconds, policy, corrector)
             loop.run(run / CURVES)
     return policy.write(finished=True)
-
-
-def _start(name: str, preset_name: str, seed: int) -> tuple[Policy, TrainConfig]:
-    """A tracker to start from, and the settings."""
-    path = tracker_path(name)
-    policy, record = load_tracker(path)
-    settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
-    return policy, from_tracker(preset_name, settings, file_hash(path), seed)
-
-
-def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainConfig, int]:
-    """The configuration and the samples of a correction; without learning control where it does not apply.
-
-    It does not on a motion that does not repeat itself, in a scenario, and if two corrections and a round
-    exceed the budget.
-    """
-    if config.learning_control is None:
-        return config, 0
-    samples = correction_samples(motion, config.learning_control)
-    if not motion.cyclic or config.env.scenario or config.budget < 2 * samples + config.batch:
-        return replace(config, learning_control=None), 0
-    return config, samples
 
 
 @contextmanager

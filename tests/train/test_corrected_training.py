@@ -23,6 +23,7 @@ from kinemimic.train.rollout.evaluation import Evaluation, best, fit
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import training_loop
 from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.settings import settings_for
 
 # The goal is out of reach.
 SETTINGS = LearningControl(iterations=1, environments=1, cycles=1, rounds=0, goal=2.0)
@@ -198,7 +199,7 @@ def test_an_interrupted_correction_is_begun_again(run: Path, motion: Motion, int
 
 def test_there_is_none_where_it_does_not_apply(motion: Motion) -> None:
     settings = config(motion)
-    assert stage._with_learning_control(settings, motion)[1] > 0
+    assert settings_for(motion, config=settings).reserved > 0
     once = replace(motion, cyclic=False)
     in_scenario = replace(settings, env=replace(settings.env, scenario=scenario("slopes")))
     for other, imitated in (
@@ -207,8 +208,8 @@ def test_there_is_none_where_it_does_not_apply(motion: Motion) -> None:
         (in_scenario, motion),
         (replace(settings, learning_control=None), motion),
     ):
-        found, samples = stage._with_learning_control(other, imitated)
-        assert (found.learning_control, samples) == (None, 0)
+        found = settings_for(imitated, config=other)
+        assert (found.config.learning_control, found.reserved) == (None, 0)
 
 
 def test_a_configuration_with_one_is_read_back(motion: Motion) -> None:

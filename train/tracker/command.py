@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from kinemimic.train.config.budget import MINUTES, samples
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import STANDING, START_RATE, TRACKER, TRACKER_PRESETS
 from kinemimic.train.reference.reference_library import ReferenceLibrary
-from kinemimic.train.rollout.policy import POLICY
+from kinemimic.train.rollout.policy import POLICY, Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
@@ -38,6 +38,14 @@ from kinemimic.train.tracker.tables import reference_tables
 
 DEVICES = ("cpu", "cuda")
 EVALUATED = 64  # motions of the split "train"
+
+
+@dataclass(frozen=True)
+class _Beginning:
+    """A tracker to start from; samples: it was trained on."""
+
+    policy: Policy
+    samples: int
 
 
 def train_tracker(
@@ -68,20 +76,30 @@ def train_tracker(
     or other settings.
     """
     updated_on = _device(device)
+    config = replace(config or TRACKER_PRESETS[preset](), seed=seed)
+    if budget is not None:
+        config = replace(config, budget=budget)
+    begin = None
+    if start is not None:
+        begin, config = _from(start, config)
     with locked(out), simulators(ray, workers) as where:
-        return _train(
-            source,
-            out,
-            where,
-            updated_on,
-            config or TRACKER_PRESETS[preset](),
-            start,
-            budget,
-            minutes,
-            seed,
-            workers,
-            resolve(engine),
+        count = where.count(workers, config.num_envs)
+        return _train(source, out, config, begin, where, count, resolve(engine), updated_on, minutes)
+
+
+def _from(start: str, config: TrainConfig) -> tuple[_Beginning, TrainConfig]:
+    """The tracker to start from, and the settings to go on with; KinemimicError if its network is another."""
+    path = tracker_path(start)
+    policy, record = load_tracker(path)
+    settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
+    if (settings.env.preview, settings.hidden) != (config.env.preview, config.hidden):
+        raise KinemimicError(
+            f"{path}: expected a tracker with layers of {config.hidden} and a preview of "
+            f"{config.env.preview} control steps, found {settings.hidden} and {settings.env.preview}; "
+            "choose another --from"
         )
+    begin = _Beginning(policy, record["samples"])
+    return begin, replace(config, start=file_hash(path), actor_rate=START_RATE)
 
 
 def _device(name: str) -> torch.device:
@@ -98,39 +116,22 @@ def _device(name: str) -> torch.device:
 def _train(
     source: Path,
     out: Path,
-    where: Simulators,
-    device: torch.device,
     config: TrainConfig,
-    start: str | None,
-    budget: int | None,
-    minutes: float | None,
-    seed: int,
-    workers: int | None,
+    begin: _Beginning | None,
+    where: Simulators,
+    count: int,
     engine: str,
+    device: torch.device,
+    minutes: float | None,
 ) -> dict[str, Any]:
+    """Train on `where` with `count` workers; the other arguments as in `train_tracker`."""
     timer, library, identity = Timer(), read_library(source), file_hash(source / MANIFEST)
     trained = _trained(library, config, source)
-    config = replace(config, seed=seed)
-    if budget is not None:
-        config = replace(config, budget=budget)
-    initial = None
-    if start is not None:
-        path = tracker_path(start)
-        initial, record = load_tracker(path)
-        settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
-        if (settings.env.preview, settings.hidden) != (config.env.preview, config.hidden):
-            raise KinemimicError(
-                f"{path}: expected a tracker with layers of {config.hidden} and a preview of "
-                f"{config.env.preview} control steps, found {settings.hidden} and {settings.env.preview}; "
-                "choose another --from"
-            )
-        config = replace(config, start=file_hash(path), actor_rate=START_RATE)
-    count = where.count(workers, config.num_envs)
     torch.set_num_threads(min(count, local_cores()))
     algorithm = TrackerAlgorithm(config, len(trained), device)
-    if initial is not None:
-        algorithm.begin_from(initial)
-        algorithm.progress.samples = record["samples"]
+    if begin is not None:
+        algorithm.begin_from(begin.policy)
+        algorithm.progress.samples = begin.samples
     training, saved = TrainingState(algorithm), out / CHECKPOINT
     advice = "delete it or choose another --out"
     resumed = saved.exists() and checkpoint.restore(saved, training, identity, advice=advice)
@@ -147,7 +148,7 @@ def _train(
         tables = reference_tables(library, trained, out, identity)
         shipped = tables if where.shares_disk else ReferenceLibrary.open(tables)
         with TrackerWorkers(shipped, config, count, engine, where.open_pool) as samplers:
-            runner = TrackerRunner(algorithm, samplers, timer, _evaluated(len(trained), seed))
+            runner = TrackerRunner(algorithm, samplers, timer, _evaluated(len(trained), config.seed))
             TrainingLoop(training, runner, imitated, saved, timer, seconds, policy).run(out / CURVES)
     return policy.write(finished=True)
 

@@ -1,0 +1,43 @@
+"""Settings of a training: a preset or a tracker, and what the user changes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.presets import PRESETS
+from kinemimic.train.rollout.tracker_file import tracker_path
+from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.settings import settings_for
+
+
+def test_a_preset_starts_from_random_weights(motion: Motion) -> None:
+    found = settings_for(motion, preset_name="paper", seed=3)
+    assert found.config == replace(PRESETS["paper"], seed=3)
+    assert found.initial is None
+
+
+def test_a_tracker_brings_its_weights_and_is_named_by_its_hash(motion: Motion) -> None:
+    found = settings_for(motion, start="tracker")
+    assert found.initial is not None
+    assert found.initial.layers[0][0].shape[0] == found.config.hidden[0]
+    assert found.config.start == file_hash(tracker_path("tracker"))
+    assert found.config.max_budget > found.config.budget
+
+
+def test_a_budget_of_the_user_is_kept(motion: Motion) -> None:
+    found = settings_for(motion, start="tracker", budget=300_000).config
+    assert (found.budget, found.largest_budget) == (300_000, 300_000)
+    with pytest.raises(KinemimicError, match="at least one sample, found 0"):
+        settings_for(motion, budget=0)
+
+
+def test_a_scenario_replaces_that_of_the_settings(motion: Motion) -> None:
+    slopes, slippery = scenario("slopes"), scenario("slippery")
+    on_slopes = settings_for(motion, scenario=slopes).config
+    assert on_slopes.env.scenario == slopes
+    assert settings_for(motion, config=on_slopes, scenario=slippery).config.env.scenario == slippery

@@ -1,0 +1,80 @@
+"""The settings of one training: from a preset or a tracker, for a motion, with what the user changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.from_tracker import from_tracker
+from kinemimic.train.config.presets import preset
+from kinemimic.train.learning_control.corrector import correction_samples
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
+from kinemimic.train.scenario.event_schedule import check
+from kinemimic.train.scenario.route import reference_for
+from kinemimic.train.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Settings:
+    """initial: the policy to start from, None for random weights; reserved: samples of a correction."""
+
+    config: TrainConfig
+    initial: Policy | None
+    reserved: int
+
+
+def settings_for(
+    motion: Motion,
+    *,
+    preset_name: str = "default",
+    seed: int = 0,
+    start: str | None = None,
+    config: TrainConfig | None = None,
+    budget: int | None = None,
+    scenario: Scenario | None = None,
+) -> Settings:
+    """Settings for a motion; arguments as in `command.train`.
+
+    KinemimicError for a tracker that cannot be read, a budget below one sample, and a scenario that does not
+    suit the motion.
+    """
+    initial: Policy | None = None
+    if start is not None:
+        initial, config = _from_tracker(start, preset_name, seed)
+    if config is None:
+        config = preset(preset_name, seed=seed)
+    if scenario is not None:
+        config = replace(config, env=replace(config.env, scenario=scenario))
+    if config.env.scenario is not None:
+        check(config.env.scenario, reference_for(motion, config.env.scenario))
+    if budget is not None:
+        config = replace(config, budget=budget, max_budget=0)
+    if config.budget < 1:
+        raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
+    config, reserved = _with_learning_control(config, motion)
+    return Settings(config, initial, reserved)
+
+
+def _from_tracker(name: str, preset_name: str, seed: int) -> tuple[Policy, TrainConfig]:
+    path = tracker_path(name)
+    policy, record = load_tracker(path)
+    settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
+    return policy, from_tracker(preset_name, settings, file_hash(path), seed)
+
+
+def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainConfig, int]:
+    """The configuration and the samples of a correction; without learning control where it does not apply.
+
+    It does not on a motion that does not repeat itself, in a scenario, and if two corrections and a round
+    exceed the budget.
+    """
+    if config.learning_control is None:
+        return config, 0
+    samples = correction_samples(motion, config.learning_control)
+    if not motion.cyclic or config.env.scenario or config.budget < 2 * samples + config.batch:
+        return replace(config, learning_control=None), 0
+    return config, samples
