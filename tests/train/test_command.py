@@ -17,6 +17,7 @@ from kinemimic.pipeline.files.store import file_hash, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
+from kinemimic.train import settings
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.config.presets import PRESETS
@@ -187,7 +188,7 @@ def test_what_is_missing_is_one_line(tmp_path: Path) -> None:
 def tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A tracker that corrects nothing, and rounds of a few samples."""
     quick = {"num_envs": 4, "horizon": 16, "minibatch": 32, "epochs": 2}
-    monkeypatch.setattr(stage, "from_tracker", lambda *given: replace(from_tracker(*given), **quick))
+    monkeypatch.setattr(settings, "from_tracker", lambda *given: replace(from_tracker(*given), **quick))
     return write_idle_tracker(tmp_path / "tracker")
 
 

@@ -15,6 +15,7 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
+from kinemimic.train import settings
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.policy import Policy
@@ -70,6 +71,6 @@ def test_a_scenario_that_cannot_be_is_refused_before_anything_begins(folders: li
 def test_what_a_worker_cannot_draw_is_its_line(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """A draw that none of those before the training had."""
     wall = Scenario("wall", obstacles=(replace(BOX, position=Range.of(0.0, 0.0)),))
-    monkeypatch.setattr(stage, "check", lambda *_: None)
+    monkeypatch.setattr(settings, "check", lambda *_: None)
     with pytest.raises(KinemimicError, match=r"scenario wall: expected obstacle 1 \(box\) apart"):
         stage.train(folders[0], budget=ROUND, workers=2, scenario=wall)
