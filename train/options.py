@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinemimic.pipeline.cli.options import option_group
+from kinemimic.pipeline.cli.options import option_group, seed_option
 from kinemimic.train.config.budget import MINUTES, samples
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.sim.options import engine_option
@@ -34,7 +34,7 @@ training_options = option_group(
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."
     ),
-    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed."),
+    seed_option(),
     engine_option,
     click.option("--anyway", is_flag=True, help="Train even if the gate refuses the motion."),
 )

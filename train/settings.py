@@ -44,7 +44,7 @@ def settings_for(
     """
     initial: Policy | None = None
     if start is not None:
-        initial, config = _from_tracker(start, preset_name, seed)
+        initial, config = from_start(start, preset_name, seed)
     if config is None:
         config = preset(preset_name, seed=seed)
     if scenario is not None:
@@ -59,7 +59,11 @@ def settings_for(
     return Settings(config, initial, reserved)
 
 
-def _from_tracker(name: str, preset_name: str, seed: int) -> tuple[Policy, TrainConfig]:
+def from_start(name: str, preset_name: str, seed: int = 0) -> tuple[Policy, TrainConfig]:
+    """The tracker of this name or folder, and the settings of a training that starts from it.
+
+    KinemimicError unless there is such a tracker, and the preset has settings for it.
+    """
     path = tracker_path(name)
     policy, record = load_tracker(path)
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))

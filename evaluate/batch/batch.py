@@ -15,7 +15,7 @@ from kinemimic.evaluate.batch.sources import paths_of, run_folders
 from kinemimic.evaluate.batch.state import BatchState, place_of
 from kinemimic.evaluate.batch.task import Row, Task
 from kinemimic.evaluate.batch.work import BatchWork
-from kinemimic.evaluate.workflow.run import for_tracker
+from kinemimic.evaluate.workflow.start import for_tracker
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance

@@ -14,10 +14,10 @@ import click
 
 from kinemimic.evaluate.batch.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
 from kinemimic.evaluate.batch.task import TARGETS
-from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.main import BAD_INPUT
 from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
+from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.parallel.cluster import cluster

@@ -15,9 +15,10 @@ import click
 from kinemimic.evaluate.batch.batch import TIMEOUT, batch
 from kinemimic.evaluate.batch.command import STAGE_OPTIONS
 from kinemimic.evaluate.batch.sources import paths_of, run_folders
-from kinemimic.evaluate.workflow.run import for_tracker, passed_on, stage_options
+from kinemimic.evaluate.workflow.start import for_tracker
 from kinemimic.pipeline.cli.finite_range import FiniteRange
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, seed_option
+from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -185,8 +186,7 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
                    "strides, postures; walks that turn.")  # fmt: skip
 @click.option("--exercises", type=click.IntRange(min=0), default=0, show_default=True,
               help="Add this many random exercises on the spot: squats, bends, reaches, steps.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Random seed of variants and exercises.")  # fmt: skip
+@seed_option("Random seed of variants and exercises.")
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
               help="Captures processed in parallel. Default: one per core.")  # fmt: skip
 @click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,

@@ -30,7 +30,7 @@ from kinemimic.evaluate.paper.processing_times import measured_on, processing_ti
 from kinemimic.evaluate.paper.room_walks import rooms
 from kinemimic.evaluate.paper.summary import markdown
 from kinemimic.evaluate.robustness.scenario_trials import Trials
-from kinemimic.pipeline.cli.options import json_option, ray_option
+from kinemimic.pipeline.cli.options import json_option, ray_option, seed_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import PERCENT
@@ -202,13 +202,7 @@ def table(content: Row) -> RenderableType:
               help="Trials of every policy in each scenario.")  # fmt: skip
 @click.option("--rooms", "walks", type=click.IntRange(min=1, max=10_000), default=ROOMS, show_default=True,
               help="Rooms that every policy walks through.")  # fmt: skip
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the trials' random draws.",
-)
+@seed_option("Seed of the trials' random draws.")
 @workers_option
 @ray_option
 @engine_option

@@ -14,7 +14,7 @@ from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy
 from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, run_all_trials, summarize, trial_tasks
 from kinemimic.evaluate.scoring.reports.index_page import write_index
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, seed_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import PERCENT
 from kinemimic.pipeline.cli.terminal import grid, number, percent, show
@@ -127,9 +127,7 @@ def _list(descriptions: Mapping[str, str]) -> RenderableType:
     show_default=True,
     help="Trials per scenario.",
 )
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the trials."
-)
+@seed_option("Random seed of the trials.")
 @workers_option
 @engine_option
 @json_option("Print the results, or the list, as JSON.")

@@ -33,6 +33,7 @@ from kinemimic.evaluate.view.obstacle_rendering import (
     log_contacts,
     log_disturbances,
 )
+from kinemimic.evaluate.view.png_path import PngPath
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.evaluate.view.scene import (
     TIMELINE,
@@ -42,7 +43,7 @@ from kinemimic.evaluate.view.scene import (
     place_side_by_side,
 )
 from kinemimic.pipeline.cli.finite_range import FiniteRange
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, seed_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.files.store import atomic, content_hash
 from kinemimic.pipeline.files.video import require_encoder
@@ -207,7 +208,7 @@ class _Size(click.ParamType[tuple[int, int]]):
 
 @click.command("view")
 @run_options(check=_check_options, then=_evaluate_if_needed)
-@click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
+@click.option("--screenshot", "picture", type=PngPath(), help="Also render the recording as PNG (*).")
 @click.option("--at", type=FiniteRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
 @click.option("--video", "movie", type=FILE, help="Also write a video (.webm) of humanoid and reference.")
 @click.option(
@@ -224,9 +225,7 @@ class _Size(click.ParamType[tuple[int, int]]):
 @click.option(
     "--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Number of the trial."
 )
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the trials."
-)
+@seed_option("Random seed of the trials.")
 @json_option("Print the paths as JSON.")
 def command(
     run: Path,

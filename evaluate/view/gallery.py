@@ -14,6 +14,7 @@ from kinemimic.evaluate.film.figures import humanoids
 from kinemimic.evaluate.film.film import Scene, scene_of
 from kinemimic.evaluate.film.tiles import PANEL, render_tiles
 from kinemimic.evaluate.view.layout import gallery_layout
+from kinemimic.evaluate.view.png_path import PngPath
 from kinemimic.evaluate.view.scene import log_scene
 from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.options import json_option
@@ -55,12 +56,12 @@ def write_gallery(path: Path, runs: Sequence[Path], *, columns: int) -> None:
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...",
                 type=click.Path(path_type=Path, file_okay=False))  # fmt: skip
 @click.option("--video", "movie", type=FILE, help="Draw a video (.webm).")
-@click.option("--picture", type=FILE, help="Draw a picture (.png).")
+@click.option("--picture", type=PngPath(), help="Draw a picture (.png).")
 @click.option("--recording", type=FILE, help="Write a recording for rerun (.rrd).")
 @click.option("--at", type=FiniteRange(min=0), default=AT, show_default=True,
               help="Time of the picture, s.")  # fmt: skip
 @click.option("--seconds", type=FiniteRange(min=0.1), default=SECONDS, show_default=True,
-              help="Length of the video, s.")  # fmt: skip
+              help="Maximum length of the video, s.")  # fmt: skip
 @click.option("--columns", type=click.IntRange(1, 16), default=COLUMNS, show_default=True,
               help="Panels in a row.")  # fmt: skip
 @json_option("Print the paths as JSON.")
@@ -95,7 +96,8 @@ def command(
         with atomic(picture) as temporary:
             Image.fromarray(sheet).save(temporary, format="png")
     if movie is not None:
-        frames = range(round(seconds * CONTROL_RATE))
+        longest = max(len(scene.figure.positions) for _, scene in scenes)
+        frames = range(min(longest, max(1, round(seconds * CONTROL_RATE))))
         with (
             video(movie, columns * PANEL[0], rows * PANEL[1], CONTROL_RATE) as film,
             progress("video", len(frames)) as bar,

@@ -17,31 +17,34 @@ from typing import Any
 
 import click
 
+from kinemimic.evaluate.workflow.start import default_start, require_start, without_training
 from kinemimic.pipeline.cli.main import load_command
-from kinemimic.pipeline.cli.options import Decorator, declared, json_option, overwrite_option, run_option
+from kinemimic.pipeline.cli.options import (
+    Decorator,
+    json_option,
+    option_group,
+    overwrite_option,
+    run_option,
+)
+from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
 from kinemimic.pipeline.cli.progress import stage as running
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.run_folder.capture import default_run, require_same_capture, sources_of
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.pipeline.run_folder.stage import stage, state_options, up_to_date
-from kinemimic.retarget.formats.gait_json import read_gait_json
-from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.options import retarget_options
-from kinemimic.train.config.tracker import STANDING, TRACKER
 from kinemimic.train.options import training_options
-from kinemimic.train.sim.options import engine_option
-from kinemimic.train.tracker.suitability import unsuitable, without_strides
+from kinemimic.train.sim.options import engine_option, workers_option
 
 VIRTUAL_SEED = 0
 # The options of stages that `run` passes on.
 STAGE_OPTIONS: Mapping[str, Decorator] = {
     "ingest": ingest_options,
     "retarget": retarget_options,
-    "train": training_options,
-    "evaluate": engine_option,
+    "train": option_group(training_options, workers_option),
+    "evaluate": option_group(engine_option, workers_option),
 }
 
 
@@ -81,15 +84,15 @@ def run(
     Raises what the stages raise; finished stages stay recorded.
     """
     source = folder / VIRTUAL_CAPTURE if capture is None else capture
-    if policy is not None and from_scratch:
-        raise KinemimicError("--policy: expected no --from-scratch, which trains, found both; leave out one")
+    options = options or {}
     if policy is not None:
-        stages, options = _without_training(policy, stages, options or {})
+        stages, options = without_training(policy, stages, options, from_scratch=from_scratch)
+    require_start(options.get("train", {}), from_scratch=from_scratch)
     ran: list[str] = []
     skipped: list[str] = []
 
     def step(name: str, sources: Mapping[str, Path], work: Callable[[list[str]], None]) -> None:
-        config = {key: value for key, value in (options or {}).get(name, {}).items() if value is not None}
+        config = {key: value for key, value in options.get(name, {}).items() if value is not None}
         if name == "train" and not (from_scratch or config.keys() & {"from", "preset"}):
             config |= default_start(folder)
         if not ran and up_to_date(folder, name, sources=sources, options=config):
@@ -118,45 +121,6 @@ def run(
         return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json") if scored else {})
 
 
-def _without_training(
-    policy: str, stages: Sequence[str], options: Mapping[str, Mapping[str, Any]]
-) -> tuple[list[str], Mapping[str, Mapping[str, Any]]]:
-    """Stages and options that evaluate a tracker; KinemimicError for another policy, and for options of
-    `train`."""
-    from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
-
-    shipped = ShippedPolicies()
-    if policy in shipped.names():
-        known = ", ".join(shipped.trackers()) or "none in this version"
-        raise KinemimicError(
-            f"--policy: expected a tracker ({known}), found {policy!r}, a policy for one motion"
-        )
-    if given := set(options.get("train", {})) - {"engine"}:
-        raise KinemimicError(f"--policy: expected no option of `train`, found --{min(given)}; leave out one")
-    evaluating = {**options.get("evaluate", {}), "policy": policy}
-    return [name for name in stages if name != "train"], for_tracker({**options, "evaluate": evaluating})
-
-
-def for_tracker(options: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Options of stages whose motion a tracker performs: with --balance, unless they say otherwise."""
-    given = options.get("retarget", {})
-    balance = {} if {"balance", "no-balance"} & set(given) else {"balance": True}
-    return {**options, "retarget": {**given, **balance}}
-
-
-def default_start(folder: Path) -> dict[str, str]:
-    """Options of `train` that start from a shipped tracker; none if none has learned such motions."""
-    from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
-
-    motion = read_motion_json(folder / "motion.json")
-    gait = folder / "gait.json"
-    report = read_gait_json(gait, motion) if gait.exists() else None
-    if unsuitable(motion, report) is not None:
-        return {}
-    start = TRACKER if motion.cyclic else STANDING if without_strides(motion, report) else None
-    return {"from": start} if start in ShippedPolicies().trackers() else {}
-
-
 def _record_virtual(folder: Path) -> None:
     from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (import cost)
 
@@ -179,37 +143,6 @@ def _invoke(name: str, arguments: list[str], flags: list[str], *, quiet: bool) -
 def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
     if not quiet:
         click.secho(text, bold=bold)
-
-
-def passed_on(groups: Mapping[str, Decorator]) -> list[click.Option]:
-    """The options of the stages in `groups`; unset, each leaves its stage the default."""
-    options: dict[str, click.Option] = {}
-    stages: dict[str, list[str]] = {}
-    for name, group in groups.items():
-        for option in declared(group):
-            options[option.opts[0]] = option
-            stages.setdefault(option.opts[0], []).append(name)
-    for name, option in options.items():
-        default = name.removeprefix("--") if option.default is True else option.default
-        shown = f"; default: {default}" if option.show_default else ""
-        option.help = f"{option.help} [{', '.join(stages[name])}{shown}]"
-        option.default, option.show_default = None, False
-    return list(options.values())
-
-
-def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Stage -> the options that were set, as `run` takes them."""
-    options: dict[str, dict[str, Any]] = {}
-    for name, group in groups.items():
-        options[name] = {}
-        for option in declared(group):
-            value, names = values[option.name or ""], option.opts
-            if option.is_flag:
-                # --loop/--no-loop: False is the second name.
-                names, value = (option.secondary_opts, True) if value is False else (names, value)
-            if value is not None and names:
-                options[name][names[0].removeprefix("--")] = value
-    return options
 
 
 @click.command()

@@ -23,15 +23,20 @@ RATES = (1.0, 1000.0)
 # Metres and degrees, as in readers/video/options.py, for the same reason.
 HEIGHTS, FIELDS_OF_VIEW = (0.5, 2.6), (10.0, 150.0)
 
+LARGEST_SEED = 2**63 - 1  # of torch; numpy takes any
+
 
 class RunFolder(click.Path):
-    """The path of a folder that need not exist; a file in its place is refused at once."""
+    """The path of a folder that need not exist; a file in its place, or no name, is refused at once."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """A Path; KinemimicError for a file."""
+        """A Path; KinemimicError for a file, and for an empty name."""
+        if not os.fspath(value):
+            # Path("") is the current folder.
+            raise KinemimicError("--run: expected the name of a run folder, found an empty one")
         run = Path(os.fsdecode(super().convert(value, param, ctx)))
         if run.is_file():
             raise KinemimicError(f"{run}: expected a run folder, found a file; choose another --run")
@@ -112,6 +117,13 @@ video_options: tuple[Decorator, ...] = (
         help="Video: a BlazePose landmark model (.tflite). Default: the full one, fetched once.",
     ),
 )
+
+
+def seed_option(text: str = "Random seed.") -> Callable[[Command], Command]:
+    """--seed, an integer that every random generator takes."""
+    return click.option(
+        "--seed", type=click.IntRange(0, LARGEST_SEED), default=0, show_default=True, help=text
+    )
 
 
 def json_option(text: str) -> Callable[[Command], Command]:

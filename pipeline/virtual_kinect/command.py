@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from kinemimic.pipeline.cli.finite_range import FiniteRange
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, seed_option
 from kinemimic.pipeline.virtual_kinect.placement import PLACEMENTS
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.pipeline.virtual_kinect.walker import SPEEDS
@@ -19,13 +19,7 @@ from kinemimic.pipeline.virtual_kinect.walker import SPEEDS
 @click.option(
     "--into", type=click.Path(path_type=Path, file_okay=False), required=True, help="Output folder."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the person, the strides, the passes and the noise.",
-)
+@seed_option("Seed of the person, the strides, the passes and the noise.")
 @click.option(
     "--speed",
     type=FiniteRange(min(low for low, _ in SPEEDS.values()), max(high for _, high in SPEEDS.values())),

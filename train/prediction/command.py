@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from kinemimic.pipeline.arrays import Floats
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, seed_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import minutes
 from kinemimic.pipeline.errors import KinemimicError
@@ -116,7 +116,7 @@ def _learned(
               help="Folder of the predictor.")  # fmt: skip
 @click.option("--moments", "count", type=click.IntRange(min=1), default=MOMENTS, show_default=True,
               help="Moments of the motions to learn from.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@seed_option()
 @json_option("Print predictor.json.")
 def command(library: Path, out: Path, count: int, seed: int, as_json: bool) -> None:
     """Learn from the split `train` of LIBRARY (see `kinemimic library`) how a motion goes on for 0.4 s, and

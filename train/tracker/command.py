@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.cli.options import json_option, ray_option
+from kinemimic.pipeline.cli.options import json_option, ray_option, seed_option
 from kinemimic.pipeline.cli.progress_state import minutes as in_minutes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -184,7 +184,7 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
               help="Start from this tracker, a name or a folder; --budget includes its samples.")  # fmt: skip
 @click.option("--budget", type=samples, help="Samples (control steps) in total. Default: the preset's.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@seed_option()
 @click.option("--device", type=click.Choice(DEVICES), default="cpu", show_default=True,
               help="Where the networks are updated; with cuda, results differ by rounding.")  # fmt: skip
 @engine_option

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, seed_option
 from kinemimic.pipeline.cli.progress_state import minutes
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.sim.options import engine_option, workers_option
@@ -33,7 +33,7 @@ def summary(record: Mapping[str, Any]) -> list[str]:
               help="The tracker: a name or a folder.")  # fmt: skip
 @click.option("--rounds", type=click.IntRange(1, 10), default=ROUNDS, show_default=True,
               help="Rounds of corrections and regression.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@seed_option()
 @engine_option
 @workers_option
 @json_option("Print the policy's record as JSON.")

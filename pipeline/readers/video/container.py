@@ -22,6 +22,8 @@ _HEAD_BYTES = 12
 def is_video(path: Path) -> bool:
     """True for a file that begins as MP4, MOV, WebM, Matroska, AVI or MPEG do; never raises."""
     try:
+        if not path.is_file():  # opening a pipe blocks
+            return False
         with path.open("rb") as stream:
             head = stream.read(_HEAD_BYTES)
     except OSError:

@@ -16,6 +16,7 @@ from rerun.chunk import RrdReader
 from kinemimic.evaluate.film.figures import REFERENCE, SIMULATED, Humanoid
 from kinemimic.evaluate.film.film import Scene, render_frames
 from kinemimic.evaluate.film.tiles import PANEL, render_tiles
+from kinemimic.evaluate.view import command as view
 from kinemimic.evaluate.view import gallery
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
@@ -61,6 +62,32 @@ def test_every_panel_is_the_film_of_its_scene() -> None:
     assert (sheets[1][120:, 160:] == 255).all()
     with pytest.raises(ValueError, match="no scenes"):
         next(render_tiles([], [0], columns=2))
+
+
+def test_the_video_is_no_longer_than_the_longest_rollout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, frames in (("anna", 4), ("bob", 3)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "trajectory.npz").write_text(str(frames))
+    monkeypatch.setattr(
+        gallery, "read_scene", lambda run: (run.name, scene(int((run / "trajectory.npz").read_text()), 0.0))
+    )
+    movie = tmp_path / "g.webm"
+    arguments = [str(tmp_path / "anna"), str(tmp_path / "bob"), "--video", str(movie), "--seconds", "1e9"]
+    assert CliRunner().invoke(gallery.command, arguments).exit_code == 0
+    film, shown = cv2.VideoCapture(str(movie)), 0
+    while film.grab():
+        shown += 1
+    assert shown == 4
+
+
+def test_a_picture_that_would_be_no_png_is_refused(tmp_path: Path) -> None:
+    for option, command in (("--picture", gallery.command), ("--screenshot", view.command)):
+        run = [str(tmp_path)] if command is gallery.command else ["--run", str(tmp_path)]
+        result = CliRunner().invoke(command, [*run, option, str(tmp_path / "x.jpg")])
+        assert "expected a picture named .png, found '.jpg'" in str(result.exception)
+        assert not (tmp_path / "x.jpg").exists()
 
 
 def test_the_command_draws_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,8 @@ from click.testing import CliRunner
 from peers.trackers import shipped_motion
 
 from kinemimic.evaluate.workflow import run as module
-from kinemimic.evaluate.workflow.run import RUN_STAGES, default_start, run
+from kinemimic.evaluate.workflow.run import RUN_STAGES, run
+from kinemimic.evaluate.workflow.start import default_start
 from kinemimic.pipeline.cli.main import load_command, main
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
@@ -92,7 +93,7 @@ def arguments_of_training(folder: Path) -> list[str]:
         ({"budget": "300k"}, False, ["--budget=300k", "--from=tracker"]),
         ({"budget": "300k"}, True, ["--budget=300k"]),
         ({"preset": "robust"}, False, ["--preset=robust"]),
-        ({"from": "runs/mine"}, False, ["--from=runs/mine"]),
+        ({"from": "standing"}, False, ["--from=standing"]),
     ],
 )
 def test_a_training_starts_from_the_tracker_unless_told_otherwise(
@@ -192,11 +193,38 @@ def test_only_a_tracker_gets_a_balanced_walk(stages: Stages, capture: Path, tmp_
 def test_a_policy_of_one_motion_and_training_options_are_refused(
     stages: Stages, capture: Path, tmp_path: Path
 ) -> None:
-    with pytest.raises(KinemimicError, match=r"expected a tracker .*, found 'walk', a policy for one motion"):
+    with pytest.raises(KinemimicError, match=r"walk: expected a tracker, .* found a policy of one motion"):
         run(capture, tmp_path / "run", policy="walk")
     with pytest.raises(KinemimicError, match="expected no option of `train`, found --budget"):
         run(capture, tmp_path / "run", policy="tracker", options={"train": {"budget": "1M"}})
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["--policy", "nosuch"], "expected a tracker (standing, tracker), or a run folder with one"),
+        (["--policy", "empty"], "expected a tracker (standing, tracker), or a run folder with one"),
+        (["--from", "nosuch"], "expected a tracker (standing, tracker), or a run folder with one"),
+        (["--from", "walk"], "walk: expected a tracker"),
+        (["--from", "tracker", "--preset", "ddpg"], "--from: expected --preset robust, or none, found ddpg"),
+        (["--from", "tracker", "--from-scratch"], "--from-scratch: expected no --from, found both"),
+    ],
+)
+def test_a_start_that_cannot_be_is_refused_before_anything_begins(
+    stages: Stages,
+    capture: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    found: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    result = CliRunner().invoke(module.command, [str(capture), "--run", "run", *arguments])
+    assert isinstance(result.exception, KinemimicError)
+    assert found in str(result.exception)
+    assert not Path("run").exists()
 
 
 def test_a_changed_option_reruns_its_stage_and_all_later_ones(
@@ -277,6 +305,7 @@ def test_an_invalid_capture_is_one_line_status_2_and_nothing_written(
         (["--as-recorded"], "retarget", "motion.json"),
         (["--no-loop"], "retarget", "motion.json"),
         (["--engine", "pybullet"], "train", "policy.json"),
+        (["--workers", "1"], "train", "policy.json"),
         (["--anyway"], "train", "policy.json"),
     ],
 )

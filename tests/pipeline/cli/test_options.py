@@ -1,0 +1,49 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+
+from kinemimic.pipeline.cli.main import COMMANDS, load_command
+from kinemimic.pipeline.cli.options import LARGEST_SEED, run_option, seed_option
+from kinemimic.pipeline.errors import KinemimicError
+
+
+def test_a_run_folder_has_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @click.command()
+    @run_option(default=None)
+    def command(run: Path | None) -> None:
+        click.echo(str(run))
+
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(command, ["--run", "runs/a"]).output.strip() == str(Path("runs/a"))
+    result = CliRunner().invoke(command, ["--run", ""])
+    assert isinstance(result.exception, KinemimicError)
+    assert str(result.exception) == "--run: expected the name of a run folder, found an empty one"
+
+
+def test_a_seed_is_one_that_every_generator_takes() -> None:
+    @click.command()
+    @seed_option()
+    def command(seed: int) -> None:
+        torch.Generator().manual_seed(seed)
+        np.random.default_rng(seed)
+
+    assert CliRunner().invoke(command, ["--seed", str(LARGEST_SEED)]).exit_code == 0
+    for outside in (LARGEST_SEED + 1, 2**64, -1):
+        result = CliRunner().invoke(command, ["--seed", str(outside)])
+        assert result.exit_code == 2 and "--seed" in result.output
+
+
+def test_all_commands_take_the_same_seeds() -> None:
+    for name in COMMANDS:
+        for option in load_command(name).params:
+            if "--seed" in option.opts:
+                assert isinstance(option.type, click.IntRange)
+                assert (option.type.min, option.type.max) == (0, LARGEST_SEED), name
