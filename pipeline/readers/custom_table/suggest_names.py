@@ -53,15 +53,25 @@ def joints_of_header(names: tuple[str, ...]) -> dict[str, Columns]:
     return joints
 
 
+def _is_right(name: str, match: re.Match[str], lower: set[str]) -> bool:
+    """Whether the r before an axis is a side: knee_r_x is the right knee where there is also a knee_l_x."""
+    start, end = match.span("rotation")
+    return end - start == 1 and f"{name[:start]}l{name[end:]}".lower() in lower
+
+
 def _grouped(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, Columns]:
     found: dict[str, dict[str, dict[str, int]]] = {}
-    for column, name in enumerate(names):
-        match = pattern.fullmatch(name.strip())
+    lower = {name.strip().lower() for name in names}
+    for column, name in enumerate(map(str.strip, names)):
+        match = pattern.fullmatch(name)
         if match is None:
             continue
         parts = match.groupdict()
+        joint = parts["joint"]
         kind = next((kind for kind in ("rotation", "quaternion") if parts.get(kind)), "position")
-        axes = found.setdefault(parts["joint"], {}).setdefault(kind, {})
+        if kind == "rotation" and _is_right(name, match, lower):
+            joint, kind = name[: match.end("rotation")], "position"
+        axes = found.setdefault(joint, {}).setdefault(kind, {})
         axes.setdefault(parts["axis"].lower(), column)
     joints = {}
     for joint, kinds in found.items():
