@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice, product
 
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
@@ -25,6 +25,7 @@ _MIDDLE: dict[str, tuple[str, ...]] = {
         "spine01",
         "chest",
         "abdomen",
+        "abdomenlower",
         "ab",
         "torso",
         "waist",
@@ -36,6 +37,7 @@ _MIDDLE: dict[str, tuple[str, ...]] = {
         "neck",
         "neckbase",
         "lowerneck",
+        "necklower",
         "neck01",
         "necktwist01",
     ),
@@ -53,6 +55,8 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*humerus",
         "humerus*",
         "*shldr",
+        "*shldrbend",
+        "upperarm01*",
         "*shoulder",
         "shoulder*",
     ),
@@ -65,6 +69,8 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*farm",
         "lowerarm*",
         "forearm*",
+        "*forearmbend",
+        "lowerarm01*",
         "*radius",
         "ulna*",
     ),
@@ -91,6 +97,8 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "upperleg*",
         "upleg*",
         "thigh*",
+        "*thighbend",
+        "upperleg01*",
         "*femur",
         "femur*",
     ),
@@ -101,9 +109,12 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*lowerleg",
         "*lowleg",
         "*shin",
+        "*shank",
         "*calf",
         "lowerleg*",
+        "lowerleg01*",
         "shin*",
+        "shank*",
         "calf*",
         "*tibia",
         "tibia*",
@@ -119,6 +130,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "ball*",
         "toes*",
         "toe*",
+        "toe11*",
         "*footend",
         "*ankleend",
         "foot*end",
@@ -131,6 +143,8 @@ REQUIRED: tuple[str, ...] = tuple(
 )
 # What to do about joints that are not found.
 HOW_TO_NAME = "rename the joints, for instance to LeftUpLeg, LeftLeg, LeftFoot, RightUpLeg and so on"
+# Between the parts of a name.
+_BOUNDARY = re.compile(r"[^A-Za-z0-9]+|(?<=[a-z0-9])(?=[A-Z])")
 
 
 def listed(names: Sequence[str]) -> str:
@@ -164,18 +178,28 @@ def joints_by_name(names: tuple[str, ...]) -> dict[str, int]:
 
 
 def words(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The joints' normalised names without what a tool puts before each ("Bip01 L Thigh", "DEF-thigh.L").
+    """The joints' normalised names without what a tool puts before each ("Bip01 L Thigh", "DEF-thigh.L") or
+    behind it ("l_upleg_JNT").
 
-    If legs are not found otherwise, the part left out is the one that at least six joints share, as two legs
-    do, and without which most of them are found. A joint that lacks it keeps its name.
+    If legs are not found otherwise, the parts left out are those without which most of them are found: in
+    front, of what at least six joints share, as two legs do; behind, of what most joints share (many markers
+    end in "Out" or "Lat", and are no joints without it). A joint that lacks them keeps its name.
     """
     plain = tuple(map(normalised, names))
     if _leg_joints(plain) == len(REQUIRED):
         return plain
-    parts = Counter(part for name in names for part in _leading_parts(name))
-    shared = [part for part, count in parts.items() if count >= len(REQUIRED)]
-    shorter = (tuple(word.removeprefix(part) for word in plain) for part in shared)
-    return max([plain, *shorter], key=_leg_joints)
+    heads = _shared(map(_leading_parts, names), len(REQUIRED))
+    tails = _shared(map(_trailing_parts, names), max(len(REQUIRED), len(names) // 2 + 1))
+    shorter = (
+        tuple(word.removeprefix(head).removesuffix(tail) for word in plain)
+        for head, tail in product(["", *heads], ["", *tails])
+    )
+    return max(shorter, key=_leg_joints)
+
+
+def _shared(parts: Iterable[set[str]], fewest: int) -> list[str]:
+    counts = Counter(chain.from_iterable(parts))
+    return [part for part, count in counts.items() if count >= fewest]
 
 
 def _leg_joints(words: Sequence[str]) -> int:
@@ -184,8 +208,12 @@ def _leg_joints(words: Sequence[str]) -> int:
 
 def _leading_parts(name: str) -> set[str]:
     """What a name begins with, up to each of its first separators or capital letters, normalised."""
-    ends = re.finditer(r"[^A-Za-z0-9]+|(?<=[a-z0-9])(?=[A-Z])", name)
-    return {normalised(name[: end.start()]) for end in islice(ends, 4)}
+    return {normalised(name[: end.start()]) for end in islice(_BOUNDARY.finditer(name), 4)}
+
+
+def _trailing_parts(name: str) -> set[str]:
+    """What a name ends with, from each of its last separators or capital letters, normalised."""
+    return {normalised(name[start.end() :]) for start in [*_BOUNDARY.finditer(name)][-4:]}
 
 
 def _joints_of_words(words: Sequence[str]) -> dict[str, int]:

@@ -16,7 +16,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 # Hamner, Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); the Rizzoli institute's
 # (IOR; Leardini et al. 2007, Gait & Posture 26, 560-571); the anatomical names (IAS,
 # FLE, FAL …) of van Sint Jan 2007, Color Atlas of Skeletal Landmark Definitions, as in Visual3D, Qualisys and
-# Motive; Motive's Baseline and Qualisys' sports set (WaistLFront, LKneeOut …); and plain words.
+# Motive; Motive's Baseline and Qualisys' sports set (WaistLFront, LKneeOut …); Motek's Human Body Model
+# (LLEK, LMEK …); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
     "asis": (("*asi",), ("*asis",), ("asis*",), ("*ias",), ("waist*front",)),
     "psis": (("*psi",), ("*psis",), ("psis*",), ("*ips",), ("waist*back",)),
@@ -30,7 +31,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*le",),
         ("*fle",),
         ("*kneeout",),
+        ("*latknee",),
+        ("*lek",),
         ("*knee",),
+        ("*lk",),
     ),
     "knee_medial": (
         ("*kneemed",),
@@ -43,7 +47,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*me",),
         ("*fme",),
         ("*kneein",),
+        ("*medknee",),
+        ("*mek",),
         ("*mknee",),
+        ("*mk",),
     ),
     "ankle_lateral": (
         ("*anklelat",),
@@ -54,7 +61,9 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lm",),
         ("*fal",),
         ("*ankleout",),
+        ("*latankle",),
         ("*ankle",),
+        ("*la",),
     ),
     "ankle_medial": (
         ("*anklemed",),
@@ -66,7 +75,9 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*mm",),
         ("*tam",),
         ("*anklein",),
+        ("*medankle",),
         ("*mankle",),
+        ("*ma",),
     ),
     "toes": (
         ("*toetip",),
@@ -99,6 +110,8 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lelbow", "*melbow"),
         ("*hle", "*hme"),
         ("*elbowout", "*elbowin"),
+        ("*latelbow", "*medelbow"),
+        ("*lee", "*mee"),
         ("*elbow",),
     ),
     "wrist": (
@@ -109,8 +122,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*rad", "*uln"),
         ("*rsp", "*usp"),
         ("*wristout", "*wristin"),
+        ("*latwrist", "*medwrist"),
         ("*wrist",),
         ("*wr",),
+        ("*lw", "*mw"),
     ),
     "hand": (("*fin",), ("*hand",), ("*hm2",), ("*handout",)),
 }

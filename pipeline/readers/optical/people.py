@@ -8,7 +8,7 @@ set of names for the same body, such as a model's joint centres beside the marke
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -25,9 +25,6 @@ _LAST_WORD = re.compile(r"(?P<label>.+?)(?:[_.\s-]+(?P<name>[^_.\s:-]+)|(?P<numb
 _SAME_PLACE = 0.3
 # A person is seen in a frame that has this share of the points with known names.
 _SEEN = 0.5
-
-# A label -> a person's name ("" if it has none) and the rest of the label.
-_Naming = Callable[[str], tuple[str, str]]
 
 
 def main_person(labels: tuple[str, ...], points: Array) -> tuple[tuple[str, ...], Array, list[Defect]]:

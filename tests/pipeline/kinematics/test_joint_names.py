@@ -47,6 +47,33 @@ UIPRMD += "RHand LUpperLeg LLowerLeg LFoot LToes RUpperLeg RLowerLeg RFoot RToes
 ASF = "root lhipjoint lfemur ltibia lfoot ltoes rhipjoint rfemur rtibia rfoot rtoes lowerback upperback "
 ASF += "thorax lowerneck upperneck head lclavicle lhumerus lradius lwrist lhand lfingers lthumb rclavicle "
 ASF += "rhumerus rradius rwrist rhand rfingers rthumb"
+MAKEHUMAN = "root spine05 spine04 spine01 neck01 head "
+for _side in "LR":
+    MAKEHUMAN += " ".join(
+        f"{bone}.{_side}"
+        for bone in ("pelvis", "upperleg01", "upperleg02", "lowerleg01", "lowerleg02", "foot", "toe1-1")
+    )
+    MAKEHUMAN += f" clavicle.{_side} shoulder01.{_side} upperarm01.{_side} lowerarm01.{_side} wrist.{_side} "
+# Genesis 8.
+DAZ = "hip pelvis abdomenLower abdomenUpper chestLower chestUpper neckLower neckUpper head "
+for _side in "lr":
+    DAZ += (
+        " ".join(
+            _side + bone
+            for bone in (
+                "ThighBend",
+                "ThighTwist",
+                "Shin",
+                "Foot",
+                "Toe",
+                "Collar",
+                "ShldrBend",
+                "ForearmBend",
+                "Hand",
+            )
+        )
+        + " "
+    )
 OPENSIM = "pelvis femur_r tibia_r patella_r talus_r calcn_r toes_r femur_l tibia_l patella_l talus_l calcn_l "
 OPENSIM += "toes_l torso humerus_r ulna_r radius_r hand_r humerus_l ulna_l radius_l hand_l"
 
@@ -65,6 +92,8 @@ OPENSIM += "toes_l torso humerus_r ulna_r radius_r hand_r humerus_l ulna_l radiu
         (AZURE, "HIP_LEFT KNEE_LEFT ANKLE_LEFT FOOT_LEFT SHOULDER_LEFT ELBOW_LEFT WRIST_LEFT HAND_LEFT NECK"),
         (UIPRMD, "LUpperLeg LLowerLeg LFoot LToes LUpperArm LForearm LHand - Neck"),
         (ASF, "lfemur ltibia lfoot ltoes lhumerus lradius lwrist lhand lowerneck"),
+        (MAKEHUMAN, "upperleg01.L lowerleg01.L foot.L toe1-1.L upperarm01.L lowerarm01.L wrist.L - neck01"),
+        (DAZ, "lThighBend lShin lFoot lToe lShldrBend lForearmBend lHand - neckLower"),
         (" ".join(NODES), "hip_left knee_left ankle_left foot_left shoulder_left elbow_left wrist_left "
          "hand_left shoulder_center"),
     ],
@@ -84,7 +113,7 @@ def test_conventions(names: str, expected: str) -> None:
         assert (node in found) == (other in found)
         if node in found:
             name = joints[found[node]]
-            words = (("LEFT", "RIGHT"), ("Left", "Right"), ("left", "right"), ("_L", "_R"))
+            words = (("LEFT", "RIGHT"), ("Left", "Right"), ("left", "right"), ("_L", "_R"), (".L", ".R"))
             word = next(
                 (pair for pair in words if pair[0] in name), (name[0], {"L": "R", "l": "r"}.get(name[0]))
             )
@@ -152,3 +181,15 @@ def test_what_a_tool_puts_before_every_name(
     for k, node in enumerate(("hip", "knee", "ankle", "elbow")):
         assert (found[f"{node}_left"], found[f"{node}_right"]) == (2 + k, 6 + k)
     assert found["hip_center"] == 1
+
+
+@pytest.mark.parametrize(
+    "pattern", ["*_upleg_JNT *_leg_JNT *_foot_JNT", "*_thigh_jnt *_shank_jnt *_foot_jnt",
+                "Rig_*_UpLegJoint Rig_*_LegJoint Rig_*_FootJoint"],
+)  # fmt: skip
+def test_what_a_tool_puts_behind_every_name(pattern: str) -> None:
+    joints = tuple(name.replace("*", side) for side in "lr" for name in pattern.split())
+    found = joints_by_name((*joints, "spine", "lth", "rth"))
+    assert [found[f"{joint}_{side}"] for side in ("left", "right") for joint in ("hip", "knee", "ankle")] == [
+        0, 1, 2, 3, 4, 5,
+    ]  # fmt: skip

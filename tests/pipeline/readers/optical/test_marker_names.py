@@ -46,6 +46,23 @@ def test_which_marker_is_which() -> None:
     assert {"asis_left", "asis_right", "sacrum", "knee_lateral_left"} <= landmarks(sports).keys()
 
 
+@pytest.mark.parametrize(
+    "labels",
+    [
+        "LLEK LMEK LLM LMM LLEE LMEE",  # Motek's Human Body Model
+        "L_LatKnee L_MedKnee L_LatAnkle L_MedAnkle L_LatElbow L_MedElbow",
+        "LLK LMK LLA LMA LELB",
+    ],
+)
+def test_lateral_and_medial_markers(labels: str) -> None:
+    found = landmarks(labels.split())
+    for number, landmark in enumerate(("knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial")):
+        assert found[f"{landmark}_left"] == (number,)
+    assert "elbow_left" in found
+    # An arm beside an ankle with a full name is no ankle.
+    assert landmarks(["LLA", "LAnkle"])["ankle_lateral_left"] == (1,)
+
+
 def test_a_side_or_a_word_of_a_few_labels_is_no_subject() -> None:
     for labels in (
         ["L_IAS", "L_FLE", "L_FAL", "L_FCC", "L_FM2"],
@@ -65,3 +82,7 @@ def test_computed_joint_centres(prefix: str) -> None:
     for number, joint in enumerate(("hip", "knee", "ankle", "shoulder", "elbow", "wrist")):
         assert (found[f"{joint}_left"], found[f"{joint}_right"]) == (number, number + 6)
     assert joint_centres(["RHJC_study"]) == {"hip_right": 0}
+
+
+def test_what_many_markers_end_in_is_no_joints_name() -> None:
+    assert not joint_centres(MOTIVE.split()).keys() & {"knee_left", "ankle_left", "shoulder_left"}
