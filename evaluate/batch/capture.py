@@ -20,6 +20,7 @@ from kinemimic.evaluate.batch.state import Kept
 from kinemimic.evaluate.batch.task import TRACKER, Row, Task, made_from
 from kinemimic.evaluate.workflow.run import run
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError, one_line
+from kinemimic.pipeline.files.sidecars import beside
 from kinemimic.pipeline.files.stages import STAGES, stage_named
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
@@ -57,7 +58,7 @@ def process(task: Task) -> Kept:
     inputs = {name: mark[2] for name, mark in made["inputs"].items() if mark is not None}
     if task.capture.is_file():
         row["sha256"] = inputs.pop(task.capture.name, None)
-        row["sidecar_files"] = [name for name in inputs if task.capture.with_name(name).exists()]
+        row["sidecar_files"] = [name for name in inputs if beside(task.capture, name).exists()]
     row["seconds"] = round(time.perf_counter() - begin, 2)
     return Kept(row, {} if row["status"] == FAILED else made)
 

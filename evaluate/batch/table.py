@@ -16,6 +16,7 @@ from rich.text import Text
 from kinemimic.evaluate.batch.row import ACCEPTED, FAILED
 from kinemimic.evaluate.batch.task import Row
 from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number
+from kinemimic.pipeline.files.sidecars import beside
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
 from kinemimic.pipeline.inspect.files_table import common_folder, reasons
 from kinemimic.pipeline.plural import plural
@@ -42,12 +43,12 @@ def captures_among(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
     """The rows of captures, and those of other files; of two files that are read with each other, the first
     is the capture, and the second has no row."""
     read: list[Row] = []
-    beside: set[Path] = set()
+    read_with: set[Path] = set()
     for row in rows:
         file = Path(row["file"])
-        if row["status"] != OTHER and file not in beside:
+        if row["status"] != OTHER and file not in read_with:
             read.append(row)
-            beside |= {file.with_name(name) for name in row["sidecar_files"]}
+            read_with |= {beside(file, name) for name in row["sidecar_files"]}
     return read, [row for row in rows if row["status"] == OTHER]
 
 

@@ -21,6 +21,7 @@ from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import versions
+from kinemimic.pipeline.files.sidecars import beside
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.retarget.dataset.columns import DATASET_SCHEMA, INDEX, INDEX_COLUMNS, SUMS
 from kinemimic.retarget.dataset.index_table import write_rows, write_sums
@@ -87,10 +88,10 @@ def refresh(folder: Path, state: State, *, subject: str | None = None) -> bool:
 
 def _captures(state: State) -> Iterator[tuple[Row, Row]]:
     """Row of each capture, without files that are none and those that are read with another; made from."""
-    beside: set[Path] = set()
+    read_with: set[Path] = set()
     for _, (capture, kept) in state.rows().items():
-        if kept.row["status"] != "other" and capture not in beside:
-            beside |= {capture.with_name(name) for name in kept.row["sidecar_files"]}
+        if kept.row["status"] != "other" and capture not in read_with:
+            read_with |= {beside(capture, name) for name in kept.row["sidecar_files"]}
             yield kept.row, kept.made_from
 
 

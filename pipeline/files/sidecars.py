@@ -7,7 +7,7 @@ made, which few formats can record.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,22 @@ NOTE_SCHEMA = 1
 def stem_of(capture: Path) -> str:
     """The NAME of a capture NAME.skl or NAME.skl.gz, with which the names of its sidecar files begin."""
     return Path(capture.name.removesuffix(".gz")).stem
+
+
+def beside(capture: Path, name: str) -> Path:
+    """Path of a file that was read with a capture: NAME in the same folder, or "../FOLDER/NAME" in the next.
+
+    ValueError for another name, which might lead anywhere.
+    """
+    up, *rest = PurePosixPath(name).parts
+    if up != "..":
+        return capture.with_name(name)
+    if len(rest) != 2 or ".." in rest:
+        raise ValueError(f"expected a file in a folder beside this one, found {name!r}")
+    folder = capture.parent
+    # A relative path may not name the capture's own folder.
+    next_to_it = folder.with_name(rest[0]) if folder.name not in ("", "..") else folder / up / rest[0]
+    return next_to_it / rest[1]
 
 
 def truth_path(capture: Path) -> Path:

@@ -10,6 +10,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from kinemimic.pipeline.files.sidecars import beside
 from kinemimic.pipeline.inspect.file_report import (
     OTHER,
     REFUSED,
@@ -100,7 +101,7 @@ def mark_sidecar_files(reports: Iterable[Report]) -> list[Report]:
     for report in in_order:
         file = Path(report["file"])
         if file not in sidecar_files:
-            sidecar_files |= {file.with_name(name) for name in report["sidecar_files"]}
+            sidecar_files |= {beside(file, name) for name in report["sidecar_files"]}
     return [
         unread_report(Path(report["file"]), SIDECAR, "") | {"reason": None}
         if Path(report["file"]) in sidecar_files

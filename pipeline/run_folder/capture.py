@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.sidecars import note_path, stem_of, truth_path
+from kinemimic.pipeline.files.sidecars import beside, note_path, stem_of, truth_path
 from kinemimic.pipeline.files.stages import STAGES
 from kinemimic.pipeline.run_folder.record import digest, read_run_record
 
@@ -22,10 +22,10 @@ def capture_files(capture: Path, sidecar_files: Iterable[str] = ()) -> dict[str,
     """
     if capture.is_dir():
         return {str(file.relative_to(capture)): file for file in sorted(capture.rglob("*")) if file.is_file()}
-    beside = {name: capture.with_name(name) for name in sidecar_files}
+    read_with_it = {name: beside(capture, name) for name in sidecar_files}
     return {
         capture.name: capture,
-        **beside,
+        **read_with_it,
         "truth.parquet": truth_path(capture),
         "provenance.json": note_path(capture),
     }

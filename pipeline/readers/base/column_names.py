@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 
 from kinemimic.pipeline.readers.base.source import Source
 
 # What to do about a table whose columns are not those of its format.
 DESCRIBE = "or describe its columns (`kinemimic inspect --suggest FILE` drafts that)"
+
+_WORD = re.compile(r"[^\W\d_]+|\d+")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+
+def words_of(name: str) -> list[str]:
+    """The words and numbers of a name in lower case: of "leftKnee.x" left, knee, x; of "L0_x" l, 0, x."""
+    return _WORD.findall(_HUMP.sub(" ", name).lower())
+
+
+def semicolon_or_comma(source: Source) -> str:
+    """The separator of a header: a semicolon if it has one."""
+    return ";" if ";" in source.head[0] else ","
 
 
 def index_of_columns(names: Sequence[str], source: Source, line: int) -> dict[str, int]:

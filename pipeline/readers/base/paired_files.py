@@ -1,32 +1,40 @@
-"""The two files of one recording, found by a word in their names: positions here, angles there."""
+"""The two files of one recording, found by a word in their names: positions here, angles there.
+
+Both are in one folder, or in two beside each other that are named after the halves (Positions, Angles).
+"""
 
 from __future__ import annotations
 
 from kinemimic.pipeline.readers.base.source import Source
 
 
-def sidecar_name(source: Source, own: str, other: str) -> str | None:
-    """The source's name with `other` in place of `own`, or None if `own` is not in it."""
+def other_half(source: Source, own: str, other: str) -> Source | None:
+    """The file whose name has `other` in place of the source's `own`, or None if there is none."""
+    found = (source.sidecar_file(name) for name in _names(source, own, other))
+    return next((half for half in found if half is not None), None)
+
+
+def required_half(source: Source, own: str, other: str) -> Source:
+    """As `other_half`; CaptureError naming the expected file if it is missing."""
+    half = other_half(source, own, other)
+    if half is None:
+        names = _names(source, own, other)
+        if not names:
+            raise source.error(
+                expected=f"{own!r} in the name of this file of {own}, to find its {other} in the same folder",
+                found=f"{source.path.name!r}",
+            )
+        raise source.error(
+            expected=f"{' or '.join(names)} with the {other} of this recording", found="no such file"
+        )
+    return half
+
+
+def _names(source: Source, own: str, other: str) -> list[str]:
+    """Where the other half may be, relative to the source's folder."""
     name = source.path.name
-    return name.replace(own, other) if own in name else None
-
-
-def sidecar_file(source: Source, positions: str, angles: str, *, has_positions: bool) -> Source:
-    """The file with the other half of the recording, whichever half `source` is.
-
-    positions, angles: the words in the names that distinguish the halves. Raises CaptureError naming the
-    expected file if it is missing.
-    """
-    own, other = (positions, angles) if has_positions else (angles, positions)
-    wanted = sidecar_name(source, own, other)
-    if wanted is None:
-        raise source.error(
-            expected=f"{own!r} in the name of this file of {own}, to find its {other} in the same folder",
-            found=f"{source.path.name!r}",
-        )
-    sidecar = source.sidecar_file(wanted)
-    if sidecar is None:
-        raise source.error(
-            expected=f"{wanted} with the {other} of this recording in the same folder", found="no such file"
-        )
-    return sidecar
+    if own not in name:
+        return []
+    renamed = name.replace(own, other)
+    folder = {own: other, own.capitalize(): other.capitalize()}.get(source.path.absolute().parent.name)
+    return [renamed, *([f"../{folder}/{renamed}"] if folder else [])]

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.files.sidecars import beside
 from kinemimic.pipeline.files.validation.bounded import read_bounded
 
 # Larger than any capture of a person; protects the memory from other files.
@@ -117,8 +118,9 @@ class Source:
         return other
 
     def sidecar_file(self, name: str) -> Source | None:
-        """The file of that name in the same folder, recorded as a sidecar file of this capture, or None."""
-        if not name or not (path := self.path.with_name(name)).is_file():
+        """The file of that name in the same folder, or "../FOLDER/NAME" in one beside it, recorded as a
+        sidecar file of this capture, or None."""
+        if not name or not (path := beside(self.path, name)).is_file():
             return None
         sidecar = Source.open(path)
         self.sidecar_files[name] = sidecar.sha256

@@ -18,11 +18,15 @@ from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
-from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
+from kinemimic.pipeline.readers.base.column_names import (
+    index_of_columns,
+    require_columns,
+    semicolon_or_comma,
+)
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, decimal_points, parse_table
-from kinemimic.pipeline.readers.base.paired_files import sidecar_file, sidecar_name
+from kinemimic.pipeline.readers.base.paired_files import other_half, required_half
 from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
@@ -69,12 +73,12 @@ def read(source: Source) -> Clip:
     half = _half(source)
     positions, orientations, notes = half, None, []
     if half.is_positions:
-        beside = source.sidecar_file(sidecar_name(source, *_HALVES) or "")
-        orientations = None if beside is None else _half(beside)
+        found = other_half(source, *_HALVES)
+        orientations = None if found is None else _half(found)
         if orientations is None:
             notes.append("no file of orientations in the same folder: rotations follow from positions")
     else:
-        positions, orientations = _half(sidecar_file(source, *_HALVES, has_positions=False)), half
+        positions, orientations = _half(required_half(source, *reversed(_HALVES))), half
         if not positions.is_positions:
             raise positions.source.error(expected="columns PELVIS (c) … of positions", found="orientations")
     if orientations is not None:
@@ -160,13 +164,9 @@ class _Half:
         return STATE_OF_CONFIDENCE[levels.astype(np.intp)]
 
 
-def _separator(source: Source) -> str:
-    return ";" if ";" in source.head[0] else ","
-
-
 def _names(source: Source) -> list[str]:
     """The names in the header, with the joints in today's spelling."""
-    names = [name.strip() for name in source.head[0].split(_separator(source))]
+    names = [name.strip() for name in source.head[0].split(semicolon_or_comma(source))]
     for old, new in OLD_NAMES.items():
         names = [name.replace(f"{old} (", f"{new} (") for name in names]
     return names
@@ -185,7 +185,7 @@ def _half(source: Source) -> _Half:
         line,
         expected=f"the {_HALVES[0] if is_positions else _HALVES[1]} of the Azure Kinect's 32 joints",
     )
-    separator = _separator(source)
+    separator = semicolon_or_comma(source)
     table = parse_table(
         decimal_points(source, separator, line), start=line, width=len(names), separator=separator
     )

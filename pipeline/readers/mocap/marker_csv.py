@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.column_names import index_of_columns
+from kinemimic.pipeline.readers.base.column_names import index_of_columns, semicolon_or_comma
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
@@ -40,7 +40,7 @@ _MIN_MARKERS = 3
 
 def recognises(source: Source) -> bool:
     """True if all names in the first line, or all but a few damaged ones, are a marker's and an axis."""
-    names = source.head[0].split(_separator(source))
+    names = source.head[0].split(semicolon_or_comma(source))
     found = sum(_COLUMN.fullmatch(name.strip()) is not None for name in names)
     return found >= 3 * _MIN_MARKERS and found > 0.8 * len(names)
 
@@ -53,7 +53,7 @@ def read(source: Source) -> Clip:
     line = source.blank_lines + 1
     labels, columns = _columns(source, line)
     labels = marker_set(source).renamed(labels, source)
-    separator = _separator(source)
+    separator = semicolon_or_comma(source)
     width = len(source.head[0].split(separator))
     table = parse_sparse_table(source, start=line, width=width, separator=separator, keep_empty_rows=True)
     unit = source.unit or UNIT
@@ -83,13 +83,9 @@ def read(source: Source) -> Clip:
     )
 
 
-def _separator(source: Source) -> str:
-    return ";" if ";" in source.head[0] else ","
-
-
 def _columns(source: Source, line: int) -> tuple[tuple[str, ...], list[int]]:
     """The markers' names and the columns of their x, y, z in turn."""
-    names = [name.strip().strip('"') for name in source.head[0].split(_separator(source))]
+    names = [name.strip().strip('"') for name in source.head[0].split(semicolon_or_comma(source))]
     index = index_of_columns(names, source, line)
     labels: list[str] = []
     for name in names:

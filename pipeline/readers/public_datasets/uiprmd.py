@@ -19,9 +19,9 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, read
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
-from kinemimic.pipeline.readers.base.paired_files import sidecar_file
+from kinemimic.pipeline.readers.base.paired_files import required_half
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers
+from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers, triplets
 
 RATE = 30.0
 ORDER = "ZXY"
@@ -85,14 +85,14 @@ def read(source: Source) -> Clip:
     the other file is missing or does not match.
     """
     own_table = parse_table(source, width=WIDTH, separator=",")
-    has_positions = _are_positions(_joints(own_table))
-    other = sidecar_file(source, "positions", "angles", has_positions=has_positions)
+    has_positions = _are_positions(triplets(own_table))
+    halves = ("positions", "angles") if has_positions else ("angles", "positions")
+    other = required_half(source, *halves)
     other_table = parse_table(other, width=WIDTH, separator=",")
-    if _are_positions(_joints(other_table)) == has_positions:
-        kind = "positions" if has_positions else "angles"
+    if _are_positions(triplets(other_table)) == has_positions:
         raise source.error(
             expected=f"positions in one and angles in the other of this file and {other.path.name}",
-            found=f"{kind} in both",
+            found=f"{halves[0]} in both",
         )
     if len(own_table.values) != len(other_table.values):
         raise source.error(
@@ -101,7 +101,7 @@ def read(source: Source) -> Clip:
             advice="one of the two is cut off",
         )
     positions, angles = (own_table, other_table) if has_positions else (other_table, own_table)
-    offsets, degrees = _joints(positions), _joints(angles)
+    offsets, degrees = triplets(positions), triplets(angles)
     _refuse_damage(positions, angles)
     seen = offsets.any(axis=(1, 2))
     if not seen.any():
@@ -128,10 +128,6 @@ def read(source: Source) -> Clip:
     )
 
 
-def _joints(table: Table) -> Array:
-    return table.values.reshape(-1, len(UIPRMD_JOINTS), 3)
-
-
 def _are_positions(values: Array) -> bool:
     """Whether (T, 22, 3) are offsets: knees and ankles straight below, in most frames."""
     legs = values[:, _LEGS]
@@ -150,7 +146,7 @@ def _refuse_damage(positions: Table, angles: Table) -> None:
     """Raise CaptureError for numbers that are not finite, remote offsets or too large angles: forward
     kinematics needs every joint.
     """
-    offsets, degrees = _joints(positions), _joints(angles)
+    offsets, degrees = triplets(positions), triplets(angles)
     for values, table in ((offsets, positions), (degrees, angles)):
         if not np.isfinite(values).all():
             frame, joint, axis = (int(k) for k in np.argwhere(~np.isfinite(values))[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.readers.base.numbers import numbers_of
+from kinemimic.pipeline.readers.base.numbers import Table, numbers_of
 from kinemimic.pipeline.readers.base.source import Source
 
 
@@ -20,3 +20,8 @@ def head_of_numbers(source: Source, width: int) -> Array | None:
         return None
     head = np.array(rows).reshape(len(rows), -1, 3)
     return np.where(np.isfinite(head), head, 0.0)
+
+
+def triplets(table: Table) -> Array:
+    """The numbers as (T, width / 3, 3)."""
+    return table.values.reshape(len(table.values), -1, 3)

@@ -16,11 +16,11 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.numbers import Table, parse_table
-from kinemimic.pipeline.readers.base.paired_files import sidecar_file, sidecar_name
+from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.paired_files import other_half, required_half
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
-from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers
+from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers, triplets
 
 RATE = 100.0
 _ARM = ("SHO", "UPA", "ELB", "FRM", "WRA", "WRB", "FIN")
@@ -65,15 +65,15 @@ def read(source: Source) -> Clip:
     """
     table = parse_table(source, width=WIDTH, separator=",")
     positions, angles, notes = table, None, []
-    if _are_positions(_triplets(table)):
-        angles_source = source.sidecar_file(sidecar_name(source, "positions", "angles") or "")
+    if _are_positions(triplets(table)):
+        angles_source = other_half(source, "positions", "angles")
         angles = None if angles_source is None else parse_table(angles_source, width=WIDTH, separator=",")
         if angles is None:
             notes.append("no file of angles in the same folder: Plug-in-Gait's own angles are unknown")
     else:
-        positions_source = sidecar_file(source, "positions", "angles", has_positions=False)
+        positions_source = required_half(source, "angles", "positions")
         angles, positions = table, parse_table(positions_source, width=WIDTH, separator=",")
-        if not _are_positions(_triplets(positions)):
+        if not _are_positions(triplets(positions)):
             raise positions_source.error(
                 expected="positions of a standing person's markers in mm", found="other numbers"
             )
@@ -83,7 +83,7 @@ def read(source: Source) -> Clip:
             found=f"{len(angles.values)} and {len(positions.values)}",
             advice="one of the two files is cut off",
         )
-    points = _triplets(positions) * _MM
+    points = triplets(positions) * _MM
     refuse_remote(points, MARKERS, positions.source, positions.where, unit="mm")
     return clip_of_markers(
         MARKERS,
@@ -99,12 +99,8 @@ def read(source: Source) -> Clip:
         ),
         world_from_file=IDENTITY,
         source=source,
-        angles=None if angles is None else _angles(_triplets(angles)),
+        angles=None if angles is None else _angles(triplets(angles)),
     )
-
-
-def _triplets(table: Table) -> Array:
-    return table.values.reshape(-1, len(MARKERS), 3)
 
 
 def _are_positions(values: Array) -> bool:

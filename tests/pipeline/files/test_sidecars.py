@@ -16,6 +16,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import (
     NOTE_SCHEMA,
     TRUTH_SCHEMA,
+    beside,
     note_path,
     read_note,
     read_truth,
@@ -33,6 +34,15 @@ def test_they_stand_beside_the_capture() -> None:
     assert note_path(Path("a/walk.skl")) == Path("a/walk.provenance.json")
     assert truth_path(Path("a/walk.skl.gz")) == Path("a/walk.truth.parquet")
     assert note_path(Path("a/walk")) == Path("a/walk.provenance.json")
+
+
+def test_what_is_read_with_a_capture_is_in_its_folder_or_in_one_beside_it() -> None:
+    assert beside(Path("a/walk.csv"), "walk.toml") == Path("a/walk.toml")
+    assert beside(Path("a/b/walk.csv"), "../c/walk.csv") == Path("a/c/walk.csv")
+    assert beside(Path("walk.csv"), "../c/walk.csv") == Path("../c/walk.csv")
+    for name in ("../walk.csv", "../../walk.csv", "../c/..", "../c/d/walk.csv", "c/walk.csv", "/walk.csv"):
+        with pytest.raises(ValueError, match=r"expected a file|Invalid name"):
+            beside(Path("a/b/walk.csv"), name)
 
 
 def test_a_truth_comes_back_and_says_its_schema(tmp_path: Path) -> None:

@@ -71,6 +71,24 @@ def test_either_file_is_the_recording(tmp_path: Path) -> None:
     assert one.provenance["sidecar_files"] == {"kinect_m01_s01_e01_angles.txt.gz": two.provenance["sha256"]}
 
 
+def test_the_halves_in_folders_beside_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    positions, angles = files(10)
+    for folder, name in (("Positions", positions), ("Angles", angles), ("Other", angles)):
+        (tmp_path / folder).mkdir()
+        put(tmp_path / folder, {name: files(10)[name]})
+    together = recognise.read(put(tmp_path, files(10)))
+    monkeypatch.chdir(tmp_path / "Angles")
+    for path in (tmp_path / "Positions" / positions, Path(angles)):
+        clip = recognise.read(path)
+        assert np.array_equal(clip.positions, together.positions)
+        (beside,) = clip.provenance["sidecar_files"]
+        assert beside in (f"../Angles/{angles}", f"../Positions/{positions}")
+    # No other folder is searched.
+    Path(angles).unlink()
+    with pytest.raises(CaptureError, match=rf"expected {angles} or \.\./Angles/{angles} with the angles"):
+        recognise.read(tmp_path / "Positions" / positions)
+
+
 def test_a_missing_sidecar_file_is_named(tmp_path: Path) -> None:
     for name, data in files(10).items():
         alone = tmp_path / name
