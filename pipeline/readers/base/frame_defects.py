@@ -24,6 +24,8 @@ _REMOTE_ADVICE = (
 )
 # Fewer joints are not a body.
 _FEWEST_JOINTS = 3
+# Metres from the middle of the body: of joints in another unit, usually millimetres.
+_LARGEST_BODY = 10.0
 # A run of this many late lines is more than a stutter of the clock.
 _SECOND_RECORDING = 10
 
@@ -76,14 +78,18 @@ def refuse_remote(
     where: Callable[[int], str] = lambda frame: f"frame {frame}",
     *,
     unit: str = "m",
+    any_unit: bool = False,
 ) -> None:
     """Raise CaptureError for the first coordinate that is not a measurement (see `_remote`).
 
     points: (T, J, 3) metres; joints: (J,) names as in the file; where: place of a frame in the file; unit: of
-    the file's numbers, for the message. If the user names another unit, the values are not metres yet, and
-    the check of the leg length applies instead (quality/rules/length_units.py).
+    the file's numbers, for the message. If the user names another unit, or the whole body is too large and
+    `any_unit` is set, the values are not metres yet, and the check of the leg length applies instead
+    (quality/rules/length_units.py).
     """
     if source.unit is None and (found := _remote(points)) is not None:
+        if any_unit and _is_too_large(points):
+            return
         frame, joint, axis = found
         raise source.error(
             expected=f"at most {MAX_COORDINATE / UNITS[unit]:g} {unit} in {'XYZ'[axis]} of {joints[joint]}",
@@ -113,6 +119,17 @@ def _remote(points: Array) -> tuple[int, int, int] | None:
         return None
     frame, joint, axis = (int(k) for k in np.argwhere(wrong)[0])
     return frame, joint, axis
+
+
+def _is_too_large(points: Array) -> bool:
+    """Whether the joints (T, J, 3) are typically farther from the middle of their body than a person's."""
+    seen = np.isfinite(points).all(axis=-1) & points.any(axis=-1)
+    whole = points[seen.sum(axis=1) >= _FEWEST_JOINTS]
+    places = np.where(np.isfinite(whole) & whole.any(axis=-1, keepdims=True), whole, np.nan)
+    with np.errstate(over="ignore"):
+        away = np.linalg.norm(places - np.nanmedian(places, axis=1, keepdims=True), axis=-1)
+    away = away[np.isfinite(away)]
+    return len(away) > 0 and float(np.median(away)) > _LARGEST_BODY
 
 
 def _apart(places: Array) -> Mask:

@@ -136,7 +136,7 @@ def frames_of(
     values = chosen.reshape(len(chosen), len(joints), len(FIELDS))
     points = values[..., :3]
     check_states(values[..., 3], joints, lambda frame: f"line {table.line(frame)}", source)
-    refuse_remote(points, joints, source, table.where)
+    refuse_remote(points, joints, source, table.where, any_unit=True)
     states = values[..., 3].astype(np.uint8)
     if header.clock is None:
         facts = {"assumed_rate": {"rate": RATE, "declared": None, "sensor": sensor}}

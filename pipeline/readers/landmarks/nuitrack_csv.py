@@ -79,7 +79,13 @@ def read(source: Source) -> Clip:
         clock[rows], f"{_CLOCK} (us)", source, lambda row: f"line {table.line(int(rows[row]))}"
     )
     points = values[rows, 2:].reshape(len(rows), len(nodes), 3)
-    refuse_remote(points, [JOINTS[node] for node in nodes], source, lambda row: table.where(int(rows[row])))
+    refuse_remote(
+        points,
+        [JOINTS[node] for node in nodes],
+        source,
+        lambda row: table.where(int(rows[row])),
+        any_unit=True,
+    )
     seen: dict[float, set[int]] = {}
     for time, user in zip(clock.tolist(), users.tolist(), strict=True):
         seen.setdefault(time, set()).add(int(user))

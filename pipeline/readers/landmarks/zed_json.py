@@ -155,7 +155,7 @@ def _bodies(frame: dict[str, Any], number: int, source: Source) -> dict[int, tup
                 where=f"frame {number}",
             )
         places = [f"point {k}" for k in range(len(points))]
-        refuse_remote(points[None], places, source, lambda _: f"frame {number}")
+        refuse_remote(points[None], places, source, lambda _: f"frame {number}", any_unit=True)
         level = numbers(body.get("keypoint_confidence"))
         identity = body.get("id", 0)
         if not isinstance(identity, int) or identity in found:

@@ -75,6 +75,10 @@ def test_a_body_far_from_the_origin_is_read_and_one_joint_there_is_not() -> None
     # Millimetres, which no reader of metres may take for kilometres.
     with pytest.raises(CaptureError, match="line 0: "):
         refuse_remote(1000.0 * body, joints, source, line)
+    # … but one of any unit, which the leg's length tells. One far joint is still none.
+    refuse_remote(1000.0 * body, joints, source, line, any_unit=True)
+    with pytest.raises(CaptureError, match="line 200: "):
+        refuse_remote(_with(walk, (200, 2, 1), 180.0), joints, source, line, any_unit=True)
 
 
 def _with(points: Array, place: tuple[int, int | slice, int], more: float) -> Array:

@@ -15,6 +15,7 @@ from samples.motion import Walk, in_range, in_sight, walk
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
 
 FRAMES = 30
@@ -100,6 +101,29 @@ def test_zed(size: int, down: bool) -> None:
             body["keypoint"] = [list(point.values()) for point in body["keypoint"]]
         frame["bodies"] = {"body_list": frame.pop("body_list")}
     assert np.array_equal(read(json.dumps(frames), "b.json").positions, clip.positions, equal_nan=True)
+
+
+def test_millimetres_follow_from_the_leg() -> None:
+    (table,) = nuitrack_csv.files(FRAMES).values()
+    names, *rows = table.decode().rstrip().split("\n")
+    cells = [row.split(",") for row in rows]
+    rows = [",".join([*c[:4], *(f"{1000 * float(x):.4f}" for x in c[4:-1]), c[-1]]) for c in cells]
+    document = zed_json.document(FRAMES, 34, down=True)
+    for frame in document.values():
+        for body in frame["body_list"]:
+            body["keypoint"] = [{axis: 1000 * x for axis, x in at.items()} for at in body["keypoint"]]
+    for clip, expected in (
+        (read("\n".join([names, *rows]), "s.csv"), read(table.decode(), "s.csv")),
+        (read(json.dumps(document), "b.json"), read(zed_json_down(), "b.json")),
+    ):
+        checked = check_capture(clip)
+        assert "wrong_units" in [defect.rule for defect in checked.defects]
+        off = checked.clip.positions - check_capture(expected).clip.positions
+        assert np.nanmax(np.abs(off)) < 1e-5
+
+
+def zed_json_down() -> str:
+    return json.dumps(zed_json.document(FRAMES, 34, down=True))
 
 
 def test_zed_in_which_nobody_is_seen_at_first() -> None:
