@@ -76,7 +76,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
     ),
     "wrist": ("wrist*", "*wrist", "*hand", "hand*"),
     "hand": (
-        "hand%",
+        "hand*",
         "*hand",
         "*handmiddle1",
         "*handindex1",
@@ -121,7 +121,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
     ),
     "ankle": ("ankle*", "*ankle", "talus*", "*foot", "foot*"),
     "foot": (
-        "foot%",
+        "foot*",
         "*foot",
         "*toebase",
         "*toes",

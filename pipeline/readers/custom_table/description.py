@@ -24,6 +24,8 @@ from kinemimic.pipeline.quality.rules.length_units import UNITS
 MAX_COLUMNS = 10_000
 SEPARATORS = {"auto": None, "space": r"\s+", "tab": "\t", "comma": ",", "semicolon": ";"}
 SECONDS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "frame": 1.0}
+# The unit of a time column of dates or times of day, which are words.
+DATE = "date"
 LENGTHS: dict[str, float] = {name: UNITS[name] for name in ("m", "cm", "mm", "inch")}
 QUATERNIONS = ("xyzw", "wxyz")
 # Python's codecs for single names, and one that always fails; none is a file encoding, and the first two take
@@ -80,10 +82,10 @@ class Text(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Clock(Struct, frozen=True, forbid_unknown_fields=True):
-    """[time]: times are column x SECONDS[unit], or, for frame numbers and without a column, frame / rate."""
+    """[time]: times are column x SECONDS[unit], or dates, or, for frame numbers and without a column, frame / rate."""
 
     column: Column | None = None
-    unit: Annotated[str, one_of(tuple(SECONDS))] = "s"
+    unit: Annotated[str, one_of((*SECONDS, DATE))] = "s"
     rate: Annotated[float, Meta(ge=0.1, le=10_000.0)] | None = None
 
     def __post_init__(self) -> None:

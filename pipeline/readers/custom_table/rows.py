@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.dates import DATES, seconds_of_dates
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.custom_table.description import SECONDS, Column, Description, Joint
+from kinemimic.pipeline.readers.custom_table.description import DATE, SECONDS, Column, Description, Joint
 from kinemimic.pipeline.readers.custom_table.states import (
     states_are_words,
     states_of_numbers,
@@ -98,9 +99,10 @@ class _Reader:
             for columns in (joint.position, joint.quaternion, joint.euler):
                 numbers += self._column_indices(columns, joint)
             (words if self.states_are_words else numbers).extend(self._column_indices(joint.state, joint))
-        if description.clock.column is not None:
-            numbers.append(cells.index(description.clock.column, "time.column"))
-        # If the column of frame numbers is also the clock, it is read as numbers.
+        clock = description.clock
+        if clock.column is not None:
+            (words if clock.unit == DATE else numbers).append(cells.index(clock.column, "time.column"))
+        # If the column of frame numbers is also the clock, it is read as a time.
         self.clock_marks_frames = description.frame_column in (None, description.clock.column)
         if description.joint_column is not None:
             words.append(cells.index(description.joint_column, "columns.joint"))
@@ -110,6 +112,23 @@ class _Reader:
         self.values, texts = cells.read(numbers, words)
         self.slot_of_column = {column: k for k, column in enumerate(numbers)}
         self.words = dict(zip(words, texts, strict=True))
+        self.clock = None if clock.column is None else self._clock(cells.index(clock.column, "time.column"))
+
+    def _clock(self, column: int) -> Array:
+        """The clock of each row (R,), in its unit; seconds of dates."""
+        if column in self.slot_of_column:
+            return self.values[:, self.slot_of_column[column]]
+        dates = self.words[column]
+        times = np.array([*seconds_of_dates(dates.known[code] for code in dates.codes)])
+        if np.isnan(times).any():
+            row = int(np.argmax(np.isnan(times)))
+            self.cells.fail(
+                "time.unit",
+                expected=DATES,
+                found=repr(dates.known[dates.codes[row]]),
+                line=self.cells.line(row),
+            )
+        return times
 
     def _column_indices(self, columns: Sequence[Column], joint: Joint) -> list[int]:
         return [self.cells.index(column, f"the columns of {joint.name}") for column in columns]
@@ -154,9 +173,8 @@ class _Reader:
         if frame is not None and not self.clock_marks_frames:
             numbers = self.words[self.cells.index(frame, "columns.frame")].codes
             changes = numbers[1:] != numbers[:-1]
-        elif (clock := self.description.clock.column) is not None:
-            times = self.values[:, self.slot_of_column[self.cells.index(clock, "time.column")]]
-            changes = times[1:] != times[:-1]
+        elif self.clock is not None:
+            changes = self.clock[1:] != self.clock[:-1]
         else:
             return np.asarray(joint_names == joint_names[0])
         return np.concatenate([[True], changes])
@@ -180,13 +198,13 @@ class _Reader:
     def times(self, first: Indices) -> Array:
         """Seconds (T,) of the frames, given a row of each."""
         clock = self.description.clock
-        if clock.column is None:
+        if self.clock is None:
             return np.arange(len(first)) / (clock.rate or 1.0)
-        times: Array = self.values[first, self.slot_of_column[self.cells.index(clock.column, "time.column")]]
+        times = self.clock[first]
         if not np.isfinite(times).all():
             row = int(first[np.flatnonzero(~np.isfinite(times))[0]])
             self.cells.fail("time.column", expected="a time", found="none", line=self.cells.line(row))
-        return times / (clock.rate or 1.0) if clock.counted else times * SECONDS[clock.unit]
+        return times / (clock.rate or 1.0) if clock.counted else times * SECONDS.get(clock.unit, 1.0)
 
     def fill(
         self,

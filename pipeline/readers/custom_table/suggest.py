@@ -15,7 +15,9 @@ from kinemimic.pipeline.files.toml_text import column as column_of
 from kinemimic.pipeline.files.toml_text import folded, key, one_or_list, quoted
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
+from kinemimic.pipeline.readers.base.dates import seconds_of_dates
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.custom_table.description import DATE
 from kinemimic.pipeline.readers.custom_table.suggest_body import axes_of, quaternion_order, time_unit
 from kinemimic.pipeline.readers.custom_table.suggest_layout import Layout, layout_of
 from kinemimic.pipeline.readers.custom_table.suggest_names import TIME
@@ -90,7 +92,7 @@ def _time(sheet: Sheet, layout: Layout) -> Iterator[str]:
     yield ""
     yield "[time]"
     used = {column for one in layout.columns for part in _PARTS for column in getattr(one, part)}
-    free = [k for k in range(sheet.width) if k not in used and k not in sheet.words]
+    free = [k for k in range(sheet.width) if k not in used]
     free.sort(key=lambda k: not (sheet.names and TIME.fullmatch(sheet.names[k])))
     candidates = [(k, times) for k in free if (times := _time_unit_of(sheet, layout, k)) is not None]
     # A clock is preferred to frame numbers.
@@ -108,12 +110,16 @@ def _time(sheet: Sheet, layout: Layout) -> Iterator[str]:
 
 
 def _time_unit_of(sheet: Sheet, layout: Layout, column: int) -> tuple[str, float] | None:
-    times = sheet.values[:, column]
+    dates = sheet.words.get(column)
+    times = sheet.values[:, column] if dates is None else np.array([*seconds_of_dates(dates)])
     if layout.long:
         times = times[np.concatenate([[True], np.diff(times) != 0])]
         if len(times) < len(layout.points) // 2 or len(times) > 2 * len(layout.points):
             return None
-    return time_unit(times, sheet.names[column].lower() if sheet.names else "")
+    found = time_unit(times, sheet.names[column].lower() if sheet.names else "")
+    if found is None or dates is None:
+        return found
+    return (DATE, found[1]) if found[0] == "s" else None
 
 
 def _space(layout: Layout) -> Iterator[str]:

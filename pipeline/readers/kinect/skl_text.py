@@ -12,7 +12,6 @@ import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
+from kinemimic.pipeline.readers.base.dates import DATES, seconds_of_dates
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
@@ -161,7 +161,7 @@ def frames_of(
     unit = _unit(clock, usual_clocks[0], source)
     notes = [] if unit in usual_clocks else [f"times in {unit}, by their steps"]
     if _has_dates(source.lines[header.line :], header):
-        notes = ["times of day, with their date"]
+        notes = ["times are dates or times of day"]
     return Frames(clock / CLOCKS[unit], points, states, defects, notes, {"clock": unit})
 
 
@@ -250,18 +250,21 @@ def _has_dates(rows: Sequence[str], header: Header) -> bool:
 
 
 def _with_seconds(rows: Sequence[str], header: Header, source: Source) -> Iterator[str]:
-    """The rows with seconds (since 1970, UTC unless the zone is stated) for the dates of their clock."""
+    """The rows with seconds for the dates of their clock."""
     clock = header.clock or 0
-    for line, row in enumerate(rows, header.line + 1):
-        cells = _cells(row, header)
-        if clock < len(cells) and row.strip():
-            try:
-                date = datetime.fromisoformat(cells[clock].strip())
-            except (ValueError, OverflowError):
+    cells_of_rows = [_cells(row, header) for row in rows]
+    dated = [clock < len(cells) and bool(row.strip()) for cells, row in zip(cells_of_rows, rows, strict=True)]
+    seconds = seconds_of_dates(
+        cells[clock] for cells, has_date in zip(cells_of_rows, dated, strict=True) if has_date
+    )
+    for line, (cells, has_date) in enumerate(zip(cells_of_rows, dated, strict=True), header.line + 1):
+        if has_date:
+            time = next(seconds)
+            if np.isnan(time):
                 raise source.error(
-                    expected="a date and time (ISO 8601), as in the first line of numbers",
+                    expected=f"{DATES}, as in the first line of numbers",
                     found=repr(cells[clock].strip()[:40]),
                     line=line,
-                ) from None
-            cells[clock] = f"{(date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp():.6f}"
+                )
+            cells[clock] = f"{time:.6f}"
         yield (header.separator or "\t").join(cells)

@@ -47,7 +47,7 @@ def test_column_numbers_and_a_rate(tmp_path: Path) -> None:
     assert clip.times == pytest.approx(np.arange(FRAMES) / 30)
 
 
-@pytest.mark.parametrize("by", ["frame", "time", "joint"])
+@pytest.mark.parametrize("by", ["frame", "time", "date", "joint"])
 def test_a_row_for_each_joint(tmp_path: Path, by: str) -> None:
     order = [*reversed(NODES)]
     lines = ["frame,t,joint,x,y,z,confidence"]
@@ -66,11 +66,16 @@ def test_a_row_for_each_joint(tmp_path: Path, by: str) -> None:
         + "[states]\ninferred_from = 0.1\ntracked_from = 0.5\n"
         + ('[time]\ncolumn = "t"\n' if by == "time" else "[time]\nrate = 30\n")
     )
+    if by == "date":
+        description = description.replace("rate = 30", 'column = "t"\nunit = "date"')
+        cells = [line.split(",") for line in lines[1:]]
+        lines[1:] = [",".join([c[0], f"2024-05-03 23:59:{float(c[1]) + 10:09.6f}", *c[2:]]) for c in cells]
+        lines[-1] = lines[-1].replace("2024-05-03 23", "2024-05-03T23")
     clip = read(tmp_path, "\n".join(lines), description)
     expected = joints()
     expected[5, NODE_INDEX["knee_left"]] = np.nan
     assert clip.positions == pytest.approx(expected, abs=1e-6, nan_ok=True)
-    assert clip.times == pytest.approx(np.arange(FRAMES) / 30, abs=1e-6)
+    assert clip.times - clip.times[0] == pytest.approx(np.arange(FRAMES) / 30, abs=2e-6)
     assert clip.states[5, NODE_INDEX["knee_left"]] == 0
     assert (clip.states[:, NODE_INDEX["hand_right"]] == 1).all()
 

@@ -132,9 +132,20 @@ def missing_marks() -> tuple[str, tuple[str, ...]]:
     return text, ("missing = [-9999]",)
 
 
+def letters_for_sides_and_times_of_day() -> tuple[str, tuple[str, ...]]:
+    names = tuple(node.replace("_left", "_l").replace("_right", "_r") for node in NODES)
+    head, *rows = lines(["when", *axes(names, letters="xyz")], np.hstack([times(), flat(joints())])).split(
+        "\n"
+    )
+    timed = [row if not row else f"00:00:{float(row[:7]):08.5f},{row.split(',', 1)[1]}" for row in rows]
+    said = 'column = "when"', 'unit = "date"  # steps of 33.3 ms', 'hip_right = "hip_r"'
+    return "\n".join([head, *timed]), said
+
+
 LAYOUTS: tuple[Callable[[], tuple[str, tuple[str, ...]]], ...] = (
     comma_in_millimetres, decimal_commas, dots_and_units_in_names, numbered_names, nui_without_header,
     v2_with_states_without_header, msr_rows, a_row_a_joint, unity, missing_marks,
+    letters_for_sides_and_times_of_day,
 )  # fmt: skip
 
 

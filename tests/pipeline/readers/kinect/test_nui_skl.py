@@ -122,10 +122,21 @@ def test_dates_are_times(skl: Text) -> None:
     dates = [date.replace("03T23:59:60", "04T00:00:00") for date in dates]
     clip = nui_skl.read(source_of(skl(20, times_ms=dates), PATH))
     assert clip.times - clip.times[0] == pytest.approx(np.arange(20) / 30, abs=0.002)
-    assert clip.provenance["reading"]["notes"] == ["times of day, with their date"]
+    assert clip.provenance["reading"]["notes"] == ["times are dates or times of day"]
     dates[4] = "noon"
-    with pytest.raises(CaptureError, match=r"line 6: expected a date and time \(ISO 8601\), .* found 'noon'"):
+    with pytest.raises(
+        CaptureError, match=r"line 6: expected a date and time \(ISO 8601\), or a time .* found 'noon'"
+    ):
         nui_skl.read(source_of(skl(20, times_ms=dates), PATH))
+
+
+def test_times_of_day_run_on_after_midnight(skl: Text) -> None:
+    times = [
+        f"{'23:59:59' if k < 15 else '00:00:00'}.{k % 15 * 33 + (500 if k < 15 else 0):03}" for k in range(30)
+    ]
+    clip = nui_skl.read(source_of(skl(30, times_ms=times), PATH))
+    assert len(clip.times) == 30
+    assert clip.times[-1] - clip.times[0] == pytest.approx(0.5 + 14 * 0.033)
 
 
 def test_dates_with_a_blank_before_the_time_of_day(skl: Text) -> None:

@@ -1,0 +1,35 @@
+"""Seconds of dates and of times of day."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.readers.base.dates import seconds_of_dates
+
+
+def test_dates_and_zones() -> None:
+    dates = ["1970-01-02T00:00:01.5", "1970-01-02 00:00:01,5", "1970-01-02T02:00:01.5+02:00"]
+    assert [*seconds_of_dates(dates)] == [86_401.5] * 3
+
+
+def test_times_of_day_run_on_after_midnight() -> None:
+    times = ["9:00:00", "23:59:59.75", "00:00:00.25", "00:00:00.20", "23:00:00", "00:00:01"]
+    day = 86_400.0
+    assert [*seconds_of_dates(times)] == pytest.approx(
+        [9 * 3600.0, day - 0.25, day + 0.25, day + 0.2, day + 23 * 3600.0, 2 * day + 1.0]
+    )
+
+
+def test_what_is_no_time() -> None:
+    words = [
+        "",
+        "noon",
+        "12",
+        "10:11",
+        "2024-05-03",
+        "2024-13-03 10:11:12",
+        "9999999-01-01T10:11:12",
+        "1:2:3",
+    ]
+    assert np.isnan([*seconds_of_dates(words)]).all()
