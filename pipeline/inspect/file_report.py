@@ -12,6 +12,8 @@ import numpy as np
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
 from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.files.sidecars import note_path, truth_path
+from kinemimic.pipeline.filters.clean import clean
+from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.inspect.measures import (
     available_nodes,
     joint_quality,
@@ -112,7 +114,10 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
     lengths = segment_lengths(nodes[inside])
     flagged = any(defect.action == "flagged" for defect in checked.defects)
     beside, simulated = _sidecar_files(path)
-    bouts = find_bouts(clip.times, clip.passes, nodes, toes=shows_feet(states))
+    # Gait and segments as every later stage finds them: after the cleaning.
+    smooth, _ = clean(clip, FILTERS[0])
+    smooth_nodes, smooth_states, _ = available_nodes(smooth)
+    bouts = find_bouts(clip.times, clip.passes, smooth_nodes, toes=shows_feet(smooth_states))
     steps = np.diff(clip.times)[inside[1:] & (clip.passes[1:] == clip.passes[:-1])]
     step = median(steps)
     return _EMPTY | {
@@ -143,7 +148,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
             {name: knee[inside] for name, knee in recorded_knees(clip).items()},
         ),
         "gait": gait_summary(bouts),
-        "segments": [_segment(one) for one in find_segments(clip, nodes, bouts)],
+        "segments": [_segment(one) for one in find_segments(smooth, smooth_nodes, bouts)],
         "recorded_angles": recorded_angles(clip, nodes, inside),
         "joints": joint_quality(clip, inside),
         "defects": [defect.to_json() for defect in checked.defects],

@@ -13,6 +13,8 @@ import pytest
 from samples.motion import walk
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.convert import convert, on_nodes, read_converted
+from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.inspect.file_report import file_report, inspect_file, unread_report
 from kinemimic.pipeline.inspect.measures import (
     available_nodes,
@@ -23,14 +25,17 @@ from kinemimic.pipeline.inspect.measures import (
     stature,
 )
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import shows_feet
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
 from kinemimic.pipeline.locomotion.bouts import find_bouts
+from kinemimic.pipeline.locomotion.segments import find_segments
 from kinemimic.pipeline.locomotion.summary import gait_summary
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.readers.recognise import formats
 from kinemimic.pipeline.readers.recognise import read as read_capture
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.pipeline.virtual_kinect.subject import close_loop
 
 Writer = Callable[..., Path]
@@ -57,6 +62,19 @@ def test_the_report_on_a_known_walk(walking: Writer) -> None:
     assert report["joints"]["knee_left"]["tracked"] == 1.0
     assert report["joints"]["knee_left"]["missing"] == 0.0
     assert report["planned_steps"]
+
+
+def test_segments_are_those_that_retarget_finds(tmp_path: Path) -> None:
+    # Before the cleaning, the noise of this recording divides it into other segments.
+    capture, run = record_virtual(tmp_path / "capture", seed=0).skl, tmp_path / "run"
+    ingest(capture, run)
+    convert(run)
+    clip = on_nodes(read_converted(run))
+    bouts = find_bouts(clip.times, clip.passes, clip.positions, toes=shows_feet(clip.states))
+    found = find_segments(clip, clip.positions, bouts)
+    assert [(one["name"], one["start_s"], one["end_s"]) for one in file_report(capture)["segments"]] == [
+        (one.name, pytest.approx(one.start, abs=1e-3), pytest.approx(one.end, abs=1e-3)) for one in found
+    ]
 
 
 def test_a_report_is_json_with_the_same_keys_whatever_the_file(walking: Writer, tmp_path: Path) -> None:
