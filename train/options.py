@@ -22,19 +22,23 @@ training_options = option_group(
         "--from",
         "start",
         metavar="POLICY",
-        help="Start from a tracker (a policy for any motion): the shipped `tracker`, or a run folder. "
-        "Replaces the settings of the preset with its own; --preset robust adds pushes.",
+        help="Start from a tracker (a policy for any motion): `tracker`, which ships, `standing` for a "
+        "motion without strides, or a run folder. Replaces the settings of the preset with its own; --preset "
+        "robust adds pushes.",
     ),
     click.option(
         "--budget",
         type=samples,
-        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from, "
-        "280k at most, or up to 1M until the humanoid walks; 4.75M with --preset robust.",
+        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from "
+        "tracker 280k or fewer, and up to 1M if the humanoid does not walk by then, or with --preset robust "
+        "4.75M; with --from standing 500k.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."
     ),
     seed_option(),
     engine_option,
-    click.option("--anyway", is_flag=True, help="Train even if the gate refuses the motion."),
+    click.option(
+        "--anyway", is_flag=True, help="Train even if the check before training refuses the motion."
+    ),
 )

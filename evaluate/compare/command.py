@@ -186,7 +186,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               show_default=True, help="Output folder.")  # fmt: skip
 @ray_option
 @engine_option
-@click.option("--anyway", is_flag=True, help="Also train on motions that the gate refuses.")
+@click.option("--anyway", is_flag=True, help="Also train on motions that the check before training refuses.")
 @click.option("--publish", "ships", type=click.Path(path_type=Path, file_okay=False),
               help="Copy the results that `study` reads to this folder.")  # fmt: skip
 @json_option("Print compare.json.")

@@ -131,7 +131,7 @@ def command(run: Path, as_json: bool) -> None:
     """Compute gait metrics of a run's capture, reference and simulation, and compare them with normal gait.
 
     Writes gait_report.json and gait_report.html with cadence, lengths, speed, stance, symmetry, off-axis knee
-    rotation and the curves of knee, hip and ankle. Subjects without a full stride are listed without metrics.
+    rotation and the curves of knee, hip and ankle. What has no full stride is listed without metrics.
 
     \b
       kinemimic gait --run runs/walk

@@ -34,7 +34,7 @@ _DATA = {
     "orientation.json": "which rotations were recorded",
     "motion.json": "the motion on the humanoid's body",
     "motion.mcap": "the same for rerun and Foxglove",
-    "gait.json": "gait parameters of the motion, and the gate's findings",
+    "gait.json": "gait parameters of the motion, and the findings of the check before training",
     "capture.parquet": "captured angles by phase of the motion",
     "policy.safetensors": "the policy",
     "policy.json": "how it was trained",
