@@ -3,6 +3,7 @@
 Format: microsoft/Azure-Kinect-Samples, body-tracking-samples/offline_processor/main.cpp. One object with
 joint_names, bone_list, k4abt_sdk_version, source_file and frames; a frame has timestamp_usec, frame_id,
 num_bodies and bodies; a body has body_id and, 32 each, joint_positions (mm) and joint_orientations (w first).
+Some recorders write the list of frames alone, or no orientations.
 A person that the tracker loses returns under another body_id. The sample does not write the SDK's confidence
 of a joint, but some recorders derived from it do.
 Joints, axes and the frames of the joints: azure_joints.py.
@@ -40,7 +41,7 @@ FORMAT = Format(
     name="Azure Kinect body tracking JSON",
     sensor="Azure Kinect",
     holds="times, positions and orientations of 32 joints, any number of people",
-    recognised_by="a JSON object with bone_list, joint_positions or k4abt_sdk_version",
+    recognised_by="JSON with bone_list, joint_positions or k4abt_sdk_version",
 )
 _MARKS = (
     '"bone_list"',
@@ -58,17 +59,20 @@ _MM = 1000.0
 
 
 def recognises(source: Source) -> bool:
-    """True if the text begins as an object and has one of the format's keys in its first lines."""
+    """True if the text begins as JSON and has one of the format's keys in its first lines."""
     head = "".join(source.head)
-    return head.lstrip().startswith("{") and any(mark in head for mark in _MARKS)
+    return head.lstrip().startswith(("{", "[")) and any(mark in head for mark in _MARKS)
 
 
 def read(source: Source) -> Clip:
-    """The clip of the person seen in most frames, 32 joints with rotations, one frame per frame of the file.
+    """The clip of the person seen in most frames, 32 joints, with rotations if the file has orientations, one
+    frame per frame of the file.
 
     Where that person is not seen, every joint is missing. Other people are dropped and counted.
     """
     document = parse_json(source)
+    if isinstance(document, list):
+        document = {"frames": document}
     frames = document.get("frames") if isinstance(document, dict) else None
     if not isinstance(frames, list) or not frames:
         raise source.error(expected='a list "frames" of body-tracking results', found="none")
@@ -87,14 +91,16 @@ def read(source: Source) -> Clip:
     bodies = [people[number][main_person] for number in rows]
 
     points = np.full((len(frames), len(AZURE_JOINTS), 3), np.nan)
-    orientations = np.full((len(frames), len(AZURE_JOINTS), 4), np.nan)
     states = np.zeros((len(frames), len(AZURE_JOINTS)), dtype=np.uint8)
     points[rows] = _values(bodies, rows, "joint_positions", 3, source)[:, order] / _MM
-    orientations[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
     states[rows] = _states(bodies, rows, source)[:, order]
     refuse_remote(points, AZURE_JOINTS, source, unit="mm")
-    check_quaternions(orientations, AZURE_JOINTS, _where, source)
-    skeleton = azure_skeleton()
+    skeleton, rotations, notes = azure_skeleton(), None, ["no orientations: rotations follow from positions"]
+    if any("joint_orientations" in body for body in bodies):
+        turns = np.full((len(frames), len(AZURE_JOINTS), 4), np.nan)
+        turns[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
+        check_quaternions(turns, AZURE_JOINTS, _where, source)
+        rotations, notes = child_to_parent(turns[later], skeleton, WORLD_FROM_CAMERA), []
     return clip_of_points(
         skeleton,
         times[later],
@@ -105,10 +111,11 @@ def read(source: Source) -> Clip:
             units="mm",
             units_rule="the format's",
             defects=[*defects, *other_people(people, main_person)],
+            notes=notes,
             sdk=str(document.get("k4abt_sdk_version", ""))[:40],
         ),
         world_from_file=WORLD_FROM_CAMERA,
-        rotations=child_to_parent(orientations[later], skeleton, WORLD_FROM_CAMERA),
+        rotations=rotations,
     )
 
 
@@ -168,9 +175,10 @@ def _values(
     for row, body in zip(rows, bodies, strict=True):
         one = numbers(body.get(key))
         if one is None or one.shape != shape:
+            size = " x ".join(map(str, one.shape)) if one is not None and one.shape else _shown(body.get(key))
             raise source.error(
                 expected=f"{key} of {shape[0]} x {shape[1]} numbers",
-                found="something else" if one is None else " x ".join(map(str, one.shape)) or "one number",
+                found=size,
                 where=_where(row),
             )
     raise source.error(expected=f"{key} of {shape[0]} x {shape[1]} numbers", found="something else")

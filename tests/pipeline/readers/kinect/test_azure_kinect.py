@@ -113,6 +113,18 @@ def test_null_is_how_the_samples_library_writes_nan() -> None:
     assert np.flatnonzero(clip.states[2] == 0).tolist() == [4]
 
 
+def test_a_list_of_frames_and_no_orientations() -> None:
+    plain = read(TAKE)
+    assert np.array_equal(read(TAKE["frames"]).positions, plain.positions, equal_nan=True)
+    without = changed(
+        lambda d: [body.pop("joint_orientations") for frame in d["frames"] for body in frame["bodies"]]
+    )
+    clip = read(without)
+    assert np.array_equal(clip.positions, plain.positions, equal_nan=True)
+    assert clip.rotations is None
+    assert clip.provenance["reading"]["notes"] == ["no orientations: rotations follow from positions"]
+
+
 def bodies_of(document: Document, frame: int) -> list[Document]:
     bodies: list[Document] = document["frames"][frame]["bodies"]
     return bodies
@@ -138,11 +150,15 @@ def changed(change: Callable[[Document], object]) -> Document:
         (lambda d: d["frames"][3].update(num_bodies=10**9), "frame 3: expected 1000000000 bodies"),
         (lambda d: bodies_of(d, 12)[0].update(body_id=3), "frame 12: .* for each body"),
         (lambda d: bodies_of(d, 3)[0].pop("body_id"), "frame 3: expected a different whole number"),
-        (lambda d: bodies_of(d, 3)[0].pop("joint_positions"), "frame 3: expected joint_positions of 32 x 3"),
+        (
+            lambda d: bodies_of(d, 3)[0].pop("joint_positions"),
+            "joint_positions of 32 x 3 numbers, found none",
+        ),
+        (lambda d: bodies_of(d, 3)[0].pop("joint_orientations"), "frame 3: .* of 32 x 4 numbers, found none"),
         (lambda d: bodies_of(d, 3)[0]["joint_positions"].pop(), "32 x 3 numbers, found 31 x 3"),
         (lambda d: bodies_of(d, 3)[0]["joint_positions"][0].pop(), "frame 3: expected joint_positions"),
         (lambda d: bodies_of(d, 3)[0]["joint_positions"][0].__setitem__(1, 1e9), "frame 3: .* Y of PELVIS"),
-        (lambda d: bodies_of(d, 3)[0]["joint_positions"][0].__setitem__(1, "2"), "found something else"),
+        (lambda d: bodies_of(d, 3)[0]["joint_positions"][0].__setitem__(1, "2"), "found a list"),
         (
             lambda d: bodies_of(d, 3)[0]["joint_orientations"][1].__setitem__(0, 9),
             "frame 3: expected a unit quaternion of SPINE_NAVEL",
