@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
@@ -36,6 +38,28 @@ def visibility(frames: int) -> Array:
     seen = np.full((frames, len(LANDMARKS)), 0.98)
     seen[2 * frames // 3 :, NUMBER["left_wrist"]] = 0.2
     return seen
+
+
+def about_hips(shown: Walk, nodes: Sequence[str]) -> Array:
+    """(T, n, 3) where the nodes of the walk are, from the middle of its hips."""
+    hips = 0.5 * (shown.joints[:, NODE_INDEX["hip_left"]] + shown.joints[:, NODE_INDEX["hip_right"]])
+    return shown.joints[:, [NODE_INDEX[name] for name in nodes]] - hips[:, None]
+
+
+def table(points: Array, beside: Mapping[str, Sequence[object]], spelling: str = "{name}_{axis}") -> str:
+    """A row for each of (R, 33, 3), behind other columns; spelling: of {name} or {number}, and {axis}."""
+    names = [
+        spelling.format(number=number, name=name, axis=axis)
+        for number, name in enumerate(LANDMARKS)
+        for axis in "xyz"
+    ]
+    rows = [
+        ",".join(
+            [*(str(values[k]) for values in beside.values()), *(f"{value:.9g}" for value in row.ravel())]
+        )
+        for k, row in enumerate(points)
+    ]
+    return "\n".join([",".join([*beside, *names]), *rows]) + "\n"
 
 
 def files(frames: int = 90) -> dict[str, bytes]:

@@ -125,7 +125,7 @@ def clip_of_landmarks(
             continue
         nodes.append(node)
         places.append(points[:, numbers].mean(axis=1))
-        states.append(_states(points[:, numbers], None if visibility is None else visibility[:, numbers]))
+        states.append(states_of(points[:, numbers], None if visibility is None else visibility[:, numbers]))
     return clip_of_points(
         skeleton_of(tuple(nodes)),
         times,
@@ -137,7 +137,7 @@ def clip_of_landmarks(
     )
 
 
-def _states(points: Array, visibility: Array | None) -> States:
+def states_of(points: Array, visibility: Array | None) -> States:
     """States (T,) of a node from its landmarks (T, n, 3) and their visibility (T, n)."""
     states = np.full(len(points), TRACKED, dtype=np.uint8)
     if visibility is not None:

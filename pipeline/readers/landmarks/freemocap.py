@@ -3,7 +3,8 @@
 The folder holds output_data/ with body_3d_xyz.csv (older versions: mediapipe_body_3d_xyz.csv): a column for
 each coordinate of each of the 33 landmarks, "body_nose_x" or "nose_x", and a row per frame, in millimetres, Z
 up once the recording is aligned with the ground. FreeMoCap writes no times there, frames are those of the
-videos; a column of times that somebody added is read. Either the folder or the table may be passed.
+videos; a column of times, or of frame numbers, that somebody added is read. Either the folder or the table
+may be passed.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import clock_column
+from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, LEGS, clip_of_landmarks, leg_length
-from kinemimic.pipeline.readers.landmarks.video_clock import RATE, times_of_clock, times_of_rate
+from kinemimic.pipeline.readers.landmarks.video_clock import times_of_frames
 
 FORMAT = Format(
     name="FreeMoCap",
@@ -84,9 +85,12 @@ def read(source: Source) -> Clip:
     names, line = _names(source), source.blank_lines + 1
     index = index_of_columns(names, source, line)
     columns = require_columns(index, _coordinates(), source, line, expected="x, y and z of the 33 landmarks")
-    clock = clock_column(names)
     table = parse_sparse_table(
-        source, start=line, width=len(names), separator=",", keep_empty_rows=clock is None
+        source,
+        start=line,
+        width=len(names),
+        separator=",",
+        keep_empty_rows=not any(map(says_time, names)),
     )
     unit = source.unit or UNIT
     points = table.values[:, columns].reshape(-1, len(LANDMARKS), 3) * UNITS[unit]
@@ -96,13 +100,8 @@ def read(source: Source) -> Clip:
                 expected="hips, knees and ankles", found=f"no {leg.replace('_', ' ')} in any frame"
             )
     refuse_remote(points, LANDMARKS, source, table.where, unit=unit)
-    if clock is None:
-        note = f"no time in the file: {RATE:g} Hz, unless --rate says what the videos have"
-        times = times_of_rate(len(points), RATE, note)
-    else:
-        times = times_of_clock(
-            table.values[:, clock], names[clock], source, lambda row: f"line {table.line(row)}"
-        )
+    beside = {name: table.values[:, column] for name, column in index.items() if column not in columns}
+    times = times_of_frames(len(points), beside, source, table.where)
     return clip_of_landmarks(
         points[times.kept],
         None,

@@ -1,12 +1,17 @@
 """Joint arrays: numbers of shape (frames, joints, 3) in an .npy file, or in an .npz archive.
 
+MediaPipe's may have a visibility as their fourth number, and lie in a row: (frames, 33 · 3 or 33 · 4).
+
 Networks that lift videos to three dimensions (VideoPose3D, MMPose), data sets and programs that generate
 motion (HumanML3D) store joints like this. The array names neither its joints nor its unit, axes or rate:
 the joints are those of the set in which they make a body (`joint_sets.py`), the unit follows from the legs,
-and the rate is the set's usual one unless --rate states another.
+and the rate is the set's usual one unless --rate states another, or other arrays of the archive: times or
+frame numbers of all frames ("timestamps"), or a rate ("fps").
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -15,13 +20,15 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
+from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
-from kinemimic.pipeline.readers.base.npz import array_shapes, read_array
+from kinemimic.pipeline.readers.base.npz import array_names, array_shapes, read_array, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_landmarks
-from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, joint_set_of, places
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_landmarks, states_of
+from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, JointSet, joint_set_of, places
+from kinemimic.pipeline.readers.landmarks.video_clock import VideoTimes, stated_rate, times_of_frames
 
 FORMAT = Format(
     name="joint array",
@@ -30,6 +37,8 @@ FORMAT = Format(
     recognised_by="an .npy file, or an .npz archive with one array, of shape (frames, joints, 3)",
     binary=True,
 )
+# Numbers in a row of MediaPipe's landmarks, without and with their visibility.
+_ROWS_OF_LANDMARKS = (3 * len(LANDMARKS), 4 * len(LANDMARKS))
 
 
 def recognises(source: Source) -> bool:
@@ -38,7 +47,8 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the nodes that the joints give; every joint that is finite counts as tracked.
+    """The clip of the nodes that the joints give; every joint that is finite counts as tracked, unless the
+    array says that it is hardly visible.
 
     Raises CaptureError for a damaged file, and for numbers that are no body in any known order.
     """
@@ -48,7 +58,8 @@ def read(source: Source) -> Clip:
     if values.dtype.kind not in "fiu":
         raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
     with np.errstate(invalid="ignore"):  # a damaged file may hold any number
-        points = values.reshape(-1, *values.shape[-2:]).astype(np.float64)
+        numbers = values.reshape(-1, *_joints_and_fields(values.shape)).astype(np.float64)
+    points, visibility = numbers[..., :3], numbers[..., 3:]
     if _is_flat(points):
         raise source.error(
             expected="joints in three dimensions",
@@ -62,10 +73,8 @@ def read(source: Source) -> Clip:
             found="limbs that change their lengths, or differ between left and right",
             advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
         )
-    notes = [
-        f"{joint_set.name}: told by their number and the lengths of the limbs",
-        f"no time in the file: {joint_set.rate:g} Hz, unless --rate says what it has",
-    ]
+    times = _times(len(points), joint_set, source)
+    notes = [f"{joint_set.name}: told by their number and the lengths of the limbs", times.note]
     shown = places(points, joint_set)
     # A pelvis at the origin of every frame is where the others are counted from: no measurement.
     if "hip_center" in shown and not shown["hip_center"].any():
@@ -78,19 +87,40 @@ def read(source: Source) -> Clip:
     refuse_remote(points * unit.metres, joint_set.joints, source, unit=unit.name)
     if joint_set.joints == LANDMARKS:
         notes.append(path_of_landmarks(points * unit.metres, source))
+    states = None
+    if visibility.size:
+        own = [joint_set.nodes[node] for node in nodes]
+        states = np.stack([states_of(points[:, k], visibility[:, k, 0]) for k in own], axis=1)[times.kept]
     return clip_of_points(
         skeleton,
-        np.arange(len(points)) / joint_set.rate,
-        at * unit.metres,
-        None,
+        times.seconds,
+        at[times.kept] * unit.metres,
+        states,
         format=FORMAT,
         reading=reading(
             units=unit.name,
             units_rule=unit.rule,
-            defects=[*unit.defects, *zero_frames(points)],
+            defects=[*unit.defects, *times.defects, *zero_frames(points[times.kept])],
             notes=notes,
         ),
         world_from_file=joint_set.world_from_file,
+    )
+
+
+def _times(count: int, joint_set: JointSet, source: Source) -> VideoTimes:
+    """The frames' times, from the other arrays of the archive."""
+    shapes = array_shapes(source)
+    rate = next((name for name, shape in shapes.items() if is_rate(name) and math.prod(shape) == 1), None)
+    of_frames = [name for name, shape in shapes.items() if shape in ((count,), (count, 1))]
+    arrays = read_arrays(source, [*of_frames, *([rate] if rate else [])]) if array_names(source) else {}
+    beside = {
+        name: arrays[name].reshape(-1).astype(np.float64)
+        for name in of_frames
+        if name in arrays and arrays[name].dtype.kind in "fiu"
+    }
+    stated = None if rate is None else stated_rate(rate, arrays[rate].reshape(-1)[0].item(), source)
+    return times_of_frames(
+        count, beside, source, lambda frame: f"frame {frame}", rate=stated, usual=joint_set.rate
     )
 
 
@@ -114,7 +144,16 @@ def _name(source: Source) -> str | None:
 
 def _is_of_joints(shape: tuple[int, ...]) -> bool:
     """Whether it is (T, J, 3), with one more axis of a single person at most."""
-    if len(shape) not in (3, 4) or shape[-1] != 3 or shape[-2] not in COUNTS:
+    if len(shape) == 2:
+        return shape[0] > 1 and shape[1] in _ROWS_OF_LANDMARKS
+    if len(shape) not in (3, 4) or shape[-2] not in COUNTS:
+        return False
+    if shape[-1] != 3 and shape[-2:] != (len(LANDMARKS), 4):
         return False
     *others, frames = sorted(shape[:-2])
     return frames > 1 and all(other == 1 for other in others)
+
+
+def _joints_and_fields(shape: tuple[int, ...]) -> tuple[int, int]:
+    """The joints, and the numbers of each."""
+    return (len(LANDMARKS), shape[1] // len(LANDMARKS)) if len(shape) == 2 else (shape[-2], shape[-1])

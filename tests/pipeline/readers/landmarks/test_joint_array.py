@@ -17,7 +17,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.landmarks.joint_sets import SETS, JointSet, joint_set_of
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS
+from kinemimic.pipeline.readers.landmarks.joint_sets import MEDIAPIPE, SETS, JointSet, joint_set_of
 
 HUMAN36M, COCO = SETS[:2]
 
@@ -49,6 +50,49 @@ def test_an_axis_of_one_person_and_other_arrays_of_an_archive(unused: tuple[int,
     expected = read(saved(points)).positions
     packed = archive(reconstruction=np.expand_dims(points, unused), scores=np.ones((30, 17)))
     np.testing.assert_array_equal(read(packed, "joints.npz").positions, expected)
+
+
+@pytest.mark.parametrize(
+    ("other", "rate"),
+    [
+        ({"fps": 60}, 60.0),
+        ({"frame_rate": np.array([120.0])}, 120.0),
+        ({"fps": "60"}, 60.0),
+        ({"timestamps": 5.0 + np.arange(30) / 50.0}, 50.0),
+        ({"times": np.arange(30)[:, None] * 20_000}, 50.0),
+        ({"frame_ids": 3 * np.arange(30)}, 10.0),
+        ({"scores": np.linspace(0.0, 1.0, 30), "times": np.zeros(12)}, 30.0),
+    ],
+)
+def test_the_clock_or_rate_of_an_archive(other: dict[str, object], rate: float) -> None:
+    points = joints(walk(30), COCO)
+    clip = read(archive(joints=points, **other), "joints.npz")
+    assert clip.rate == pytest.approx(rate)
+    assert len(clip.times) == 30
+
+
+def test_a_rate_that_is_none_is_refused() -> None:
+    with pytest.raises(CaptureError, match="expected 1 to 1000 frames per second in fps, found 0"):
+        read(archive(joints=joints(walk(30), COCO), fps=0), "joints.npz")
+
+
+def test_rate_wins_over_the_clock_of_an_archive(tmp_path: Path) -> None:
+    path = tmp_path / "joints.npz"
+    path.write_bytes(archive(joints=joints(walk(30), COCO), fps=60))
+    assert recognise.read(path, rate=25.0).rate == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize("in_a_row", [False, True])
+@pytest.mark.parametrize("fields", [3, 4])
+def test_landmarks_in_a_row_and_with_their_visibility(fields: int, in_a_row: bool) -> None:
+    shown = walk(30)
+    visibility = np.full((30, 33, 1), 0.9)
+    visibility[10:, LANDMARKS.index("left_knee")] = 0.2
+    points = np.concatenate([joints(shown, MEDIAPIPE), visibility], axis=-1)[..., :fields]
+    clip = read(saved(points.reshape(30, -1) if in_a_row else points))
+    np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+    knee = clip.states[:, clip.skeleton.names.index("knee_left")]
+    assert knee.tolist() == ([2] * 30 if fields == 3 else [2] * 10 + [1] * 20)
 
 
 def test_joints_about_the_pelvis_have_no_pelvis() -> None:
@@ -97,6 +141,8 @@ def test_keypoints_in_a_picture_are_refused(size: float) -> None:
     [
         saved(np.zeros((30, 18, 3))),
         saved(np.zeros((30, 17, 2))),
+        saved(np.zeros((30, 17, 4))),
+        saved(np.zeros((30, 51))),
         saved(np.zeros((2, 30, 17, 3))),
         saved(np.zeros((1, 17, 3))),
     ],

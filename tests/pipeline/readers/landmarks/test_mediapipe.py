@@ -39,10 +39,8 @@ def check(clip: Clip, *, unseen: bool = True) -> None:
     shown = walk(FRAMES)
     there = np.arange(FRAMES) != UNSEEN if unseen else np.ones(FRAMES, dtype=bool)
     assert np.abs(clip.times - shown.times).max() < 1e-4
-    hips = 0.5 * (shown.joints[:, NODE_INDEX["hip_left"]] + shown.joints[:, NODE_INDEX["hip_right"]])
-    for node, joint in ((name, clip.skeleton.index(name)) for name in clip.skeleton.names):
-        truth = shown.joints[:, NODE_INDEX[node]] - hips
-        assert np.abs(clip.positions[there, joint] - truth[there]).max() < 1e-6
+    truth = sample.about_hips(shown, clip.skeleton.names)
+    assert np.abs(clip.positions[there] - truth[there]).max() < 1e-6
     if unseen:
         assert np.isnan(clip.positions[UNSEEN]).all()
     angles = leg_angles(to_nodes(clip)[0][there])
@@ -203,7 +201,7 @@ def test_json_with_the_rate_of_the_video(stated: dict[str, object]) -> None:
     ]
     clip = read(json.dumps({**stated, "frames": frames}), "pose.json")
     assert clip.times == pytest.approx(np.arange(FRAMES) / 60)
-    assert clip.provenance["reading"]["notes"][0].startswith("no time in every frame: 60 Hz (")
+    assert clip.provenance["reading"]["notes"][0].startswith("no time in the file: 60 Hz (")
     assert read(json.dumps(frames), "pose.json").rate == pytest.approx(30.0)
     for wrong in (0, "fast", True, [30]):
         with pytest.raises(CaptureError, match="expected 1 to 1000 frames per second in fps, found"):
