@@ -34,7 +34,8 @@ FORMAT = Format(
     name="joint array",
     sensor="unknown, often a video",
     holds=f"positions of {', '.join(map(str, sorted(COUNTS)[:-1]))} or {max(COUNTS)} joints",
-    recognised_by="an .npy file, or an .npz archive with one array, of shape (frames, joints, 3)",
+    recognised_by="an .npy file, or an .npz archive with one array, of shape (frames, joints, 3), "
+    "of MediaPipe's landmarks also with their visibility, or in a row",
     binary=True,
 )
 # Numbers in a row of MediaPipe's landmarks, without and with their visibility.

@@ -37,7 +37,7 @@ def table_of_frames(names: Sequence[str], line: int, separator: str, source: Sou
     landmarks = landmark_columns(names)
     times = [column for column, name in enumerate(names) if says_time(name)]
     table = parse_sparse_table(
-        with_numbers_for_words(source, line, separator, numeric={*landmarks, *times}, known={}),
+        with_numbers_for_words(source, line, separator, numeric=landmarks, times=times, known={}),
         start=line,
         width=len(names),
         separator=separator,
@@ -65,7 +65,8 @@ def table_of_landmarks(
         source,
         line,
         separator,
-        numeric={*times, *(mark + column for column in fields.values())},
+        numeric={mark + column for column in fields.values()},
+        times=times,
         known={mark: NUMBER},
     )
     # The first frame may be one without a person, of which the last cells are empty.

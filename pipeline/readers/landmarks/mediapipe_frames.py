@@ -1,8 +1,8 @@
 """The frames of MediaPipe's JSON, whatever the program that saved them puts around them.
 
 A list of frames, an object of frames by their numbers ("12", "frame_0012"), an object with either ("frames",
-"results", "data"), or a frame in each line. A frame is an object, perhaps with its landmarks in "pose", or
-nothing but the list of its landmarks.
+"results", "data"), or a frame in each line. A frame is an object, perhaps with its landmarks in "pose", or in
+the people of "poses" or "people"; or nothing but the list of its landmarks, or people.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ WORLD = (
 )  # fmt: skip
 POSE = "pose"
 IMAGE = ("pose_landmarks", "poseLandmarks", "landmarks", POSE)
+_PEOPLE = ("poses", "people")
 FRAMES = ("frames", "results", "data")
 _PACKED = ("landmark", "landmarks")
 _NUMBERED = re.compile(r"\D*(\d{1,9})")
@@ -94,11 +95,19 @@ def _frame(value: Any) -> Any:
     if value is None:
         return {}
     if isinstance(value, list):
-        return {"landmarks": value}
-    pose = value.get(POSE) if isinstance(value, dict) else None
-    if isinstance(pose, dict) and (inner := {key: pose[key] for key in (*WORLD, *IMAGE) if key in pose}):
-        return {**value, **inner}
-    return value
+        return _of_people(value) or {"landmarks": value}
+    if not isinstance(value, dict):
+        return value
+    pose = value.get(POSE)
+    inner = {key: pose[key] for key in (*WORLD, *IMAGE) if key in pose} if isinstance(pose, dict) else {}
+    people: list[Any] = next((value[key] for key in _PEOPLE if isinstance(value.get(key), list)), [])
+    return {**value, **inner, **_of_people(people)}
+
+
+def _of_people(people: list[Any]) -> dict[str, list[Any]]:
+    """Key -> the landmarks of each person, from the people of a frame."""
+    found = [one for one in people if isinstance(one, dict)]
+    return {key: given for key in (*WORLD, *IMAGE) if (given := [one[key] for one in found if one.get(key)])}
 
 
 def _number(key: str) -> int | None:

@@ -20,7 +20,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import clock_of, is_rate
+from kinemimic.pipeline.readers.base.clock import clock_of, is_rate, says_time
+from kinemimic.pipeline.readers.base.dates import seconds_of_dates
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers
@@ -155,19 +156,24 @@ def _visibility(landmark: dict[str, Any]) -> Any:
 
 
 def _beside(frames: list[dict[str, Any]], source: Source) -> dict[str, Array]:
-    """Key -> the numbers (T,) that all frames have beside their landmarks, NaN for words; CaptureError if the
-    clock has words."""
+    """Key -> the numbers (T,) that all frames have beside their landmarks, seconds for dates, NaN for
+    other words; CaptureError if the clock has such words."""
     found: dict[str, Array] = {}
     words: dict[str, str] = {}
     for key in (key for key in frames[0] if all(key in frame for frame in frames)):
         given = [frame[key] for frame in frames]
-        values = numbers([to_number(value) if isinstance(value, str) else value for value in given])
+        if says_time(key) and all(isinstance(value, str) and to_number(value) is None for value in given):
+            values = numbers(list(seconds_of_dates(given)))
+        else:
+            values = numbers([to_number(value) if isinstance(value, str) else value for value in given])
         if values is not None and values.ndim == 1:
             found[key] = values
-            if word := next((one for one in given if isinstance(one, str) and to_number(one) is None), None):
+            if (unknown := np.isnan(values)).any() and isinstance(
+                word := given[int(np.argmax(unknown))], str
+            ):
                 words[key] = word
     if (clock := clock_of(found)) in words:
-        raise source.error(expected=f"numbers in {clock}", found=repr(words[clock])[:40])
+        raise source.error(expected=f"numbers or dates in {clock}", found=repr(words[clock])[:40])
     return found
 
 

@@ -73,9 +73,12 @@ def times_of_frames(
     clock = beside[name]
     kept, defects = increasing_times(clock)
     seconds = (clock[kept] - clock[0]) / hertz
-    note = f"times are frame numbers ({name}) at {hertz:g} Hz{f' ({stated})' if stated else ''}"
-    if not stated:
-        note += f": {1.0 / np.median(np.diff(seconds)):.4g} Hz{_UNSTATED}"
+    note = f"times are frame numbers ({name}) at {hertz:g} Hz"
+    if stated:
+        note += f" ({stated})"
+    else:
+        own = 1.0 / np.median(np.diff(seconds))
+        note += f"{'' if np.isclose(own, hertz) else f': {own:.4g} Hz'}{_UNSTATED}"
     return VideoTimes(seconds, kept, defects, note)
 
 

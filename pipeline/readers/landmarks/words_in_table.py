@@ -1,10 +1,12 @@
-"""Numbers for the words in a table of numbers, such as the video's name or a landmark's."""
+"""Numbers for the words in a table of numbers: dates, and names such as the video's or a landmark's."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from kinemimic.pipeline.readers.base.numbers import decimal_points, to_number
+from kinemimic.pipeline.readers.base.dates import seconds_of_dates
+from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
 
 # That show which columns hold words.
@@ -17,40 +19,48 @@ def with_numbers_for_words(
     separator: str,
     *,
     numeric: Collection[int],
+    times: Collection[int],
     known: Mapping[int, Mapping[str, int]],
 ) -> Source:
-    """The table after the header in this line, with a number for each word: the one in `known` of its column,
-    spelt in lower case with underscores, else that of its first appearance there.
+    """The table after the header in this line, with a number for each word.
 
-    numeric: columns in which a word is a mistake, and stays. Itself if no other column holds words alone.
+    It is the one in `known` of its column, spelt in lower case with underscores, else that of its first
+    appearance there. numeric: columns in which a word is a mistake, and stays; times: columns in which it is
+    a date, for which seconds stand then, or a mistake. Itself if no other column holds words alone.
     """
-    rows = [
-        row.split(separator) for row in decimal_points(source, separator, line).lines[line : line + _ROWS]
-    ]
+    first = [row.split(separator) for row in source.lines[line : line + _ROWS]]
     columns = [
         column
-        for column in range(max(map(len, rows), default=0))
-        if column not in numeric and _holds_words(row[column].strip() for row in rows if column < len(row))
+        for column in range(max(map(len, first), default=0))
+        if column not in numeric and _holds_words(row[column].strip() for row in first if column < len(row))
     ]
     if not columns:
         return source
-    codes: dict[int, dict[str, int]] = {column: dict(known.get(column, {})) for column in columns}
-    lines = []
-    for text in source.lines[line:]:
-        cells = text.split(separator)
-        for column in columns:
-            word = cells[column].strip().strip('"').lower() if column < len(cells) else ""
-            if not word or to_number(word) is not None:
-                continue
-            number = codes[column].get(word.replace(" ", "_"))
-            if number is None and column not in known:
-                number = codes[column].setdefault(word, len(codes[column]))
+    rows = [text.split(separator, columns[-1] + 1) for text in source.lines[line:]]
+    for column in columns:
+        filled = [row for row in rows if column < len(row) and row[column].strip()]
+        words = [row[column].strip().strip('"') for row in filled]
+        numbers = _seconds(words) if column in times else _codes(words, known.get(column))
+        for row, number in zip(filled, numbers, strict=True):
             if number is not None:
-                cells[column] = str(number)
-        lines.append(separator.join(cells))
-    return source.with_text("\n".join([*source.lines[:line], *lines]))
+                row[column] = repr(number)
+    return source.with_text("\n".join([*source.lines[:line], *(separator.join(row) for row in rows)]))
 
 
 def _holds_words(cells: Iterable[str]) -> bool:
-    filled = [cell for cell in cells if cell]
+    # Numbers may have decimal commas.
+    filled = [cell.replace(",", ".") for cell in cells if cell]
     return bool(filled) and all(to_number(cell) is None for cell in filled)
+
+
+def _seconds(words: Sequence[str]) -> list[float | None]:
+    """The seconds of each date; None for another word."""
+    return [seconds if math.isfinite(seconds) else None for seconds in seconds_of_dates(words)]
+
+
+def _codes(words: Sequence[str], known: Mapping[str, int] | None) -> list[float | None]:
+    """The known number of each word, None without one; if none are known, that of its first appearance."""
+    if known is not None:
+        return [known.get(word.lower().replace(" ", "_"), to_number(word)) for word in words]
+    codes: dict[str, int] = {}
+    return [codes.setdefault(word, len(codes)) for word in words]

@@ -250,7 +250,10 @@ def test_damage_is_named(change: Callable[[str], str], says: str) -> None:
             lambda frames: frames[4]["pose_world_landmarks"][0][3].update(x="a"),
             "frame 4: expected 33 landmarks",
         ),
-        (lambda frames: frames[4].update(timestamp_ms="noon"), "expected numbers in timestamp_ms"),
+        (
+            lambda frames: frames[4].update(timestamp_ms="noon"),
+            "expected numbers or dates in timestamp_ms, found 'noon'",
+        ),
         (
             lambda frames: frames[4]["pose_world_landmarks"][0][3].update(x=1e4),
             "frame 4: expected at most 100 m in X of ",

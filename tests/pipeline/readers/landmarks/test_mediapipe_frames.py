@@ -58,6 +58,12 @@ def test_names_of_the_clock(clock: str) -> None:
     check(read(frames), rate=60.0)
 
 
+def test_dates_and_times_of_day() -> None:
+    for begin in ("2024-05-03T10:11:", "10:11:"):
+        frames = [{"timestamp": f"{begin}{k / 30:09.6f}", "landmarks": body} for k, body in enumerate(BODIES)]
+        check(read(frames))
+
+
 def test_the_rate_in_an_object_of_an_object() -> None:
     document = {"video": {"info": {"fps": 60.0}}, "frames": [{"pose": body} for body in BODIES]}
     check(read(document), rate=60.0)
@@ -116,6 +122,18 @@ def test_landmarks_in_an_object_of_the_pose() -> None:
     assert clip.provenance["reading"]["key"] == "world_landmarks"
 
 
+@pytest.mark.parametrize("key", [None, "poses", "people"])
+def test_people_in_a_list(key: str | None) -> None:
+    frames: list[Any] = []
+    for k, body in enumerate(BODIES):
+        people = [{"keypoints3D": body, "id": 1}, {"keypoints3D": BODIES[-k], "id": 2}][: 2 if k < 8 else 1]
+        frames.append(people if key is None else {"frame": k, key: people})
+    clip = read(frames)
+    check(clip)
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"], defect["unit"]) == ("several_people", 8, "frames")
+
+
 def test_keypoints_of_tensorflow() -> None:
     for visible, state in ((0.9, 2), (0.2, 1)):
         frames = [
@@ -150,5 +168,5 @@ def test_other_objects_are_refused() -> None:
         read([{"pose_world_landmarks": {"left_tail": {"x": 0.0, "y": 0.0, "z": 0.0}}}])
     with pytest.raises(CaptureError, match="expected frames with pose_world_landmarks, found none"):
         read({"frames": {"a": BODIES[0], "b": BODIES[1]}})
-    with pytest.raises(CaptureError, match="expected numbers in time_of_day, found 'noon'"):
+    with pytest.raises(CaptureError, match="expected numbers or dates in time_of_day, found 'noon'"):
         read([{"time_of_day": "noon" if k == 3 else k / 30.0, "pose": body} for k, body in enumerate(BODIES)])

@@ -151,6 +151,13 @@ def test_landmarks_of_hands_are_not_the_body() -> None:
     )
 
 
+@pytest.mark.parametrize("begin", ["2024-05-03 10:11:", "00:00:"])
+def test_dates_and_times_of_day(begin: str) -> None:
+    check(read(sample.table(WORLD, {"time": [f"{begin}{k / 30:09.6f}" for k in EVEN], "frame": EVEN})))
+    with pytest.raises(CaptureError, match="line 2: expected a number, found 'noon'"):
+        read(sample.table(WORLD, {"time": ["noon"] * FRAMES}))
+
+
 @pytest.mark.parametrize("separator", [",", ";"])
 def test_columns_of_words(separator: str) -> None:
     text = sample.table(WORLD, {"video": ["a walk.mp4"] * FRAMES, "frame": EVEN, "class": ["walk"] * FRAMES})

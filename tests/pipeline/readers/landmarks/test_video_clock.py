@@ -28,7 +28,7 @@ def test_a_missing_number_is_a_gap(name: str) -> None:
     there = np.delete(np.arange(90), np.s_[20:50])
     found = times({name: 7.0 + there})
     assert found.seconds == pytest.approx(there / 30.0)
-    assert found.note == f"times are frame numbers ({name}) at 30 Hz: 30 Hz, unless --rate says what it has"
+    assert found.note == f"times are frame numbers ({name}) at 30 Hz, unless --rate says what it has"
     assert not found.defects
 
 
@@ -36,6 +36,11 @@ def test_every_third_frame_of_a_video() -> None:
     found = times({"frame": 3.0 * EVEN}, Rate(60.0, "fps"))
     assert found.seconds == pytest.approx(EVEN / 20.0)
     assert found.note == "times are frame numbers (frame) at 60 Hz (fps)"
+
+
+def test_the_note_says_what_rate_replaces() -> None:
+    found = times({"frame": 2.0 * EVEN})
+    assert found.note == "times are frame numbers (frame) at 30 Hz: 15 Hz, unless --rate says what it has"
 
 
 def test_numbers_without_gaps_say_what_the_rate_alone_does() -> None:
