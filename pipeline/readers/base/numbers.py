@@ -21,6 +21,8 @@ from kinemimic.pipeline.readers.base.source import Source
 _LARGE = 2**19
 # The part of a large table from which its layout is detected.
 _LAYOUT_BYTES, _LAYOUT_LINES = 2**20, 1000
+# What writers put into the cell of a value that they do not have, in lower case.
+_EMPTY = frozenset(("", "null", "none", "na", "n/a"))
 # The one comma of a number; "1,234.5" and "1,234,567" have commas between thousands.
 _DECIMAL_COMMA = re.compile(r"(?<![\d.,])(\d*),(\d+)(?![\d.,])")
 
@@ -98,7 +100,8 @@ def parse_table(
 def parse_sparse_table(
     source: Source, *, start: int, width: int, separator: str, keep_empty_rows: bool = False
 ) -> Table:
-    """Like `parse_table`, with NaN for empty cells, and decimal commas where commas do not separate.
+    """Like `parse_table`, with NaN for empty cells and words for "none", and decimal commas where commas do
+    not separate.
 
     keep_empty_rows: a row of nothing but empty cells is a row of NaN, as it must be where a row's place is
     its time, unless no filled row follows; else it is skipped. Most files have neither empty cells nor
@@ -118,7 +121,7 @@ def parse_sparse_table(
                 cells = row.split(separator)
                 if len(cells) == width + 1 and not cells[-1].strip():
                     cells.pop()
-                rows.append(separator.join(cell if cell.strip() else "nan" for cell in cells))
+                rows.append(separator.join("nan" if is_empty(cell) else cell for cell in cells))
             else:
                 rows.append(empty if separator in row else "")
         filled = source.with_text("\n".join([*lines[:start], *rows]))
@@ -289,6 +292,11 @@ def numbers_of(line: str, separator: str | None) -> list[float] | None:
     fields = line.strip().removesuffix(separator or "").split(separator)
     found = [to_number(field) for field in fields]
     return None if None in found else [value for value in found if value is not None]
+
+
+def is_empty(cell: str) -> bool:
+    """Whether a cell holds nothing, or a word for it such as NULL."""
+    return cell.strip().lower() in _EMPTY
 
 
 def to_number(field: str) -> float | None:

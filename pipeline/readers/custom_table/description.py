@@ -82,7 +82,8 @@ class Text(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Clock(Struct, frozen=True, forbid_unknown_fields=True):
-    """[time]: times are column x SECONDS[unit], or dates, or, for frame numbers and without a column, frame / rate."""
+    """[time]: times are column x SECONDS[unit], or dates, or, for frame numbers and without a column, frame /
+    rate."""
 
     column: Column | None = None
     unit: Annotated[str, one_of((*SECONDS, DATE))] = "s"

@@ -77,6 +77,13 @@ def read(source: Source) -> Clip:
             found=", ".join(there)[:80] or "frames and times only",
             advice="tick Markers or Skeletons in Motive's export settings",
         )
+    space = facts.get("coordinate space", "Global")
+    if kind == _BONE and space.lower() == "local":
+        raise source.error(
+            expected="the bones' positions in Coordinate Space Global",
+            found=f"{space}: each in its parent's axes",
+            advice="export again with Global coordinates",
+        )
     table = parse_sparse_table(source, start=axes_line + 1, width=len(axes), separator=",")
     clock = table.values[:, 1]
     if not np.isfinite(clock).all():
@@ -104,7 +111,7 @@ def read(source: Source) -> Clip:
             lambda row: table.where(int(lines[row])),
             unit="m" if unit_defects else unit,
         )
-    y_up = facts.get("coordinate space", "global").lower() == "global"
+    y_up = space.lower() == "global"
     return clip_of_markers(
         labels,
         times,

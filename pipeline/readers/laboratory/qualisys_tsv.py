@@ -2,7 +2,7 @@
 
 Lines of a key and its values (NO_OF_FRAMES, FREQUENCY, MARKER_NAMES …), perhaps a line of column names
 ("Frame", "Time", "LASI X" …), then a line per frame: perhaps its number and time, and X, Y, Z of every marker
-in millimetres. Cells of a marker that was not seen are empty or zero. Z is up in QTM's default axes.
+in millimetres. Cells of a marker that was not seen are empty, NULL or zero. Z is up in QTM's default axes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.numbers import Table, parse_sparse_table, to_number
+from kinemimic.pipeline.readers.base.numbers import Table, is_empty, parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
@@ -61,7 +61,7 @@ def read(source: Source) -> Clip:
             found="rigid bodies only" if "BODY_NAMES" in header else "none",
             advice="export the trajectories (3D) from QTM",
         )
-    rate = to_number((header.get(_RATE) or [""])[0])
+    rate = to_number((header.get(_RATE) or [""])[0].replace(",", "."))
     if rate is None or not 0.0 < rate <= _MAX_RATE:
         raise source.error(
             expected=f"a rate in Hz in {_RATE}", found=repr((header.get(_RATE) or [""])[0][:20])
@@ -115,7 +115,7 @@ def _header(source: Source) -> tuple[dict[str, list[str]], int, list[str]]:
 
 
 def _is_word(cell: str) -> bool:
-    return bool(cell.strip()) and to_number(cell.replace(",", ".")) is None
+    return not is_empty(cell) and to_number(cell.replace(",", ".")) is None
 
 
 def _table(source: Source, start: int, names: list[str], markers: int) -> tuple[Table, Array]:

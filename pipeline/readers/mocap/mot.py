@@ -15,17 +15,19 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
+from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
 from kinemimic.pipeline.readers.base.column_names import index_of_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
-from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.numbers import Table, parse_table
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
@@ -118,9 +120,9 @@ def read(source: Source) -> Clip:
     table = _table(source)
     later, defects = increasing_times(table.times)
     defects = [*table.defects, *defects]
-    if table.declared > len(later):
-        count = table.declared - len(later)
-        text = f"the header declares {table.declared} rows but the file has {len(later)}: it may be cut off"
+    if table.declared > table.rows:
+        count = table.declared - table.rows
+        text = f"the header declares {table.declared} rows but the file has {table.rows}: it may be cut off"
         defects.append(Defect("dropped_frames", count, "frames", "flagged", text))
     values = {name: column[later] for name, column in table.columns.items()}
     knee_sign, knee_rule = _knee_sign(values)
@@ -169,11 +171,13 @@ def read(source: Source) -> Clip:
 @dataclass(frozen=True)
 class _Table:
     """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: number of rows in the
-    header; width: number of columns in the file; defects: an angles' unit that is not the declared one."""
+    header; rows, width: number of rows and columns in the file; defects: an angles' unit that is not the
+    declared one, rows left out."""
 
     times: Array
     columns: Mapping[str, Array]
     declared: int
+    rows: int
     width: int
     defects: list[Defect]
 
@@ -192,18 +196,13 @@ def _table(source: Source) -> _Table:
     labels = [_coordinate(label) for label in source.lines[start].split()]
     _check_labels(labels, source, start + 1)
     table = parse_table(source, start=start + 1, width=len(labels))
-    numbers = table.values
-    if not np.isfinite(numbers).all():
-        row, column = (int(k) for k in np.argwhere(~np.isfinite(numbers))[0])
-        raise source.error(
-            expected=f"a finite number in {labels[column]}", found=f"{numbers[row, column]}",
-            line=table.line(row),
-        )  # fmt: skip
     angle_names = {name for joint in OPENSIM_JOINTS for name in joint.angle_names if name} & set(labels)
-    used = {"time", *PELVIS_POSITION, *angle_names}
-    columns = {label: numbers[:, k] for k, label in enumerate(labels) if label in used}
+    used = [k for k, label in enumerate(labels) if label in {"time", *PELVIS_POSITION, *angle_names}]
+    rows, left_out = _whole_rows(table, used, labels, source)
+    columns = {labels[k]: table.values[rows, k] for k in used}
     angles = {name: columns[name] for name in angle_names}
     in_degrees, defects = _in_degrees(header.get("indegrees", ""), angles)
+    defects += left_out
     if in_degrees:
         columns |= {name: np.radians(columns[name]) for name in angle_names}
     units = {"time": ("s", _MAX_TIME), **dict.fromkeys(PELVIS_POSITION, ("m", _MAX_POSITION))}
@@ -214,16 +213,40 @@ def _table(source: Source) -> _Table:
             raise source.error(
                 expected=f"at most {limit:g} {unit} in {label}",
                 found=f"{values[row]:g}",
-                line=table.line(row),
+                line=table.line(int(rows[row])),
             )
-    rows = header.get("nrows", "")
+    stated = header.get("nrows", "")
     # A header with more rows than any recording has is itself damaged.
-    declared = int(rows) if rows.isascii() and rows.isdigit() and len(rows) < 9 else 0
-    return _Table(columns.pop("time"), columns, declared, len(labels), defects)
+    declared = int(stated) if stated.isascii() and stated.isdigit() and len(stated) < 9 else 0
+    return _Table(columns.pop("time"), columns, declared, len(table.values), len(labels), defects)
+
+
+def _whole_rows(
+    table: Table, used: Sequence[int], labels: Sequence[str], source: Source
+) -> tuple[NDArray[np.intp], list[Defect]]:
+    """The rows with a number in every used column, and a defect that counts the others: the kinematics need
+    every joint. CaptureError if there are none."""
+    known = np.isfinite(table.values[:, used])
+    whole: Mask = np.asarray(known.all(axis=1))
+    if whole.all():
+        return np.arange(len(known)), []
+    row = int(np.argmin(whole))
+    column = used[int(np.argmin(known[row]))]
+    if not whole.any():
+        raise source.error(
+            expected=f"a finite number in {labels[column]}",
+            found=f"{table.values[row, column]}",
+            line=table.line(row),
+        )
+    count = int((~whole).sum())
+    text = f"{plural(count, 'row')} without a number in {labels[column]} or another coordinate, left out"
+    return np.flatnonzero(whole), [Defect("dropped_frames", count, "frames", "flagged", text)]
 
 
 def _coordinate(label: str) -> str:
-    """A column's coordinate; OpenSim 4 writes states as /jointset/hip_r/hip_flexion_r/value."""
+    """A column's coordinate; OpenSim 4 writes states as /jointset/hip_r/hip_flexion_r/value, others Time."""
+    if label.lower() == "time":
+        return "time"
     parts = label.split("/")
     return parts[-2] if len(parts) > 2 and parts[-1] == "value" else label
 

@@ -8,7 +8,7 @@ OpenSim's axes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,13 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
-from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
+from kinemimic.pipeline.readers.base.numbers import (
+    Table,
+    decimal_points,
+    numbers_of,
+    parse_sparse_table,
+    parse_table,
+)
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
@@ -41,11 +47,14 @@ WORLD_FROM_FILE: Array = from_axis_angle("X", np.pi / 2.0)
 # The Time column usually has three digits, 0.017 for 1/60. If it agrees with the declared rate to this
 # precision (seconds), frame numbers over that rate are the better times.
 _TIME_DIGITS = 0.0011
+# The line of names begins with this; only Frame# is a mark of the format.
+_FIRST_NAMES = re.compile(r"\s*frame\s*(#?)\s+time(?!\S)", re.IGNORECASE)
 
 
 def recognises(source: Source) -> bool:
     """True if the first word is PathFileType, or a line of names begins with Frame# and Time."""
-    return source.head[0].startswith("PathFileType") or _names(source.head[:8]) is not None
+    names = (_FIRST_NAMES.match(line) for line in source.head[:8])
+    return source.head[0].startswith("PathFileType") or any(found and found[1] for found in names)
 
 
 def read(source: Source) -> Clip:
@@ -54,7 +63,8 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged header or table, unknown units, and markers from which legs cannot be
     computed.
     """
-    names_line = _names(source.lines[:16])
+    source = decimal_points(source, "\t")
+    names_line = next((k for k, line in enumerate(source.lines[:16]) if _FIRST_NAMES.match(line)), None)
     if names_line is None:
         raise source.error(expected="a line that begins with Frame# and Time", found="none in the first 16")
     if "\t" not in source.lines[names_line]:
@@ -117,14 +127,10 @@ def read(source: Source) -> Clip:
     )
 
 
-def _names(lines: Sequence[str]) -> int | None:
-    """Index of the line with the markers' names."""
-    return next((k for k, line in enumerate(lines) if line.split()[:2] == ["Frame#", "Time"]), None)
-
-
 def _with_tabs(source: Source) -> Source:
     """The file with a TAB for any white space: names of markers have no spaces, and no cell is empty."""
-    return source.with_text("\n".join("\t".join(line.split()) for line in source.lines))
+    lines = (_FIRST_NAMES.sub("Frame# Time", line) for line in source.lines)
+    return source.with_text("\n".join("\t".join(line.split()) for line in lines))
 
 
 def _declared(source: Source, names_line: int) -> dict[str, str]:
@@ -161,13 +167,8 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
     try:
         table = parse_table(source, start=start, separator="\t")
     except CaptureError:
-        body = sum(len(line) + 1 for line in source.lines[:start])
-        frames = source.text[body:]
-        for old, new in (("\t\t", "\tnan\t"), ("\t\t", "\tnan\t"), ("\t\n", "\tnan\n")):
-            frames = frames.replace(old, new)
-        frames += "nan" if frames.endswith("\t") else ""
-        filled = Source(source.path, (source.text[:body] + frames).encode(), source.sha256)
-        table = parse_table(filled, start=start, separator="\t")
+        first = next((line for line in source.lines[start:] if line.strip()), "")
+        table = parse_sparse_table(source, start=start, width=len(first.split("\t")), separator="\t")
     values = table.values
     spare = (values.shape[1] - 2) % 3
     if values.shape[1] < 5 or spare > 1 or (spare and np.isfinite(values[:, -1]).any()):

@@ -69,6 +69,10 @@ def test_named_markers_without_a_skeleton() -> None:
         ),
         (lambda text: text.replace("\n5,0.041667", "\n5,"), "line 13: expected a time in s, found none"),
         (lambda text: text.replace("\n5,0.041667", "\n5,soon"), "line 13: expected a number, found 'soon'"),
+        (
+            lambda text: text.replace("Coordinate Space,Global", "Coordinate Space,Local"),
+            "expected the bones' positions in Coordinate Space Global, found Local: .* export again",
+        ),
         (lambda text: text.replace("LThigh", "LXX"), "expected markers from which hips, knees and ankles"),
     ],
 )

@@ -53,6 +53,19 @@ def test_without_names_of_columns_frames_and_times() -> None:
     assert np.array_equal(read(plain).positions, read(TEXT).positions)
 
 
+def test_null_and_a_decimal_comma_in_the_rate() -> None:
+    points = 1000.0 * sample.points(FRAMES)
+    points[4, list(sample.MARKERS).index("LKNE")] = np.nan
+    for columns in (True, False):
+        text = sample.text(list(sample.MARKERS), points, columns=columns)
+        head, _, rows = text.partition("FREQUENCY\t100")
+        assert "\t\t" in rows
+        null = f"{head}FREQUENCY\t100,0{rows}"
+        while "\t\t" in null:
+            null = null.replace("\t\t", "\tNULL\t")
+        assert np.array_equal(read(null).positions, read(text).positions, equal_nan=True)
+
+
 def test_empty_cells_are_missing_markers() -> None:
     points = 1000.0 * sample.points(FRAMES)
     points[4, list(sample.MARKERS).index("LKNE")] = np.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -185,7 +186,10 @@ def test_the_runner_carries_his_arms_bent_in_front(captures: Path) -> None:
             "column names once each, found 'hip_flexion_r'",
         ),
         (lambda t: t.replace("time", "frame", 1), "expected time as the first column, found 'frame'"),
-        (lambda t: t.replace("0.01666667", "nan       ", 1), "line 12: expected a finite number in time"),
+        (
+            lambda t: re.sub(r"\n *[\d.]+\t", "\nnan\t", t),
+            "line 11: expected a finite number in time, found nan",
+        ),
         (lambda t: _second_number(t, "9e9"), "line 12: expected at most 100 rad in pelvis_tilt"),
         (lambda t: _second_number(t, "1x"), "line 12: expected a number, found '1x'"),
     ],
@@ -194,6 +198,15 @@ def test_damage_is_named(change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message) as caught:
         clip_of(change(sample()))
     assert "\n" not in str(caught.value)
+
+
+def test_a_row_without_a_number_is_left_out_and_the_clock_shows_it() -> None:
+    whole, clip = clip_of(sample()), clip_of(_second_number(sample().replace("time", "Time", 1), "nan"))
+    assert np.array_equal(clip.times, np.delete(whole.times, 1))
+    assert np.array_equal(clip.positions, np.delete(whole.positions, 1, axis=0))
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"], defect["action"]) == ("dropped_frames", 1, "flagged")
+    assert defect["text"] == "1 row without a number in pelvis_tilt or another coordinate, left out"
 
 
 def _second_number(text: str, word: str) -> str:

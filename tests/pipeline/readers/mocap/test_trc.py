@@ -63,6 +63,27 @@ def test_without_the_blank_line_with_crlf_and_closing_tabs() -> None:
     assert np.array_equal(read(closed).positions, clip.positions)
 
 
+@pytest.mark.parametrize("word", ["Frame #", "frame#", "Frame", "FRAME#"])
+def test_spellings_of_the_first_name(word: str) -> None:
+    plain = read(TEXT).positions
+    renamed = TEXT.replace("Frame#\tTime", f"{word}\ttime")
+    assert np.array_equal(read(renamed).positions, plain)
+    assert np.array_equal(read(renamed.replace("\t", " ")).positions, plain)
+
+
+def test_as_a_spreadsheet_saves_it() -> None:
+    """Every line as wide as the widest, also the blank one; perhaps with decimal commas."""
+    clip = read(TEXT)
+    width = max(line.count("\t") for line in TEXT.split("\n"))
+    padded = "\n".join(line + "\t" * (width - line.count("\t")) for line in TEXT.rstrip().split("\n"))
+    assert np.array_equal(read(padded).positions, clip.positions)
+    head, *others = padded.split("\n")
+    commas = "\n".join([head, *(line.replace(".", ",") for line in others)])
+    german = read(commas)
+    assert np.array_equal(german.positions, clip.positions)
+    assert notes(german) == notes(clip)
+
+
 def test_units_of_the_header() -> None:
     metres = TEXT.split("\n")
     metres[2] = metres[2].replace("mm", "m")
