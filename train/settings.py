@@ -10,6 +10,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.config.presets import preset
+from kinemimic.train.config.tracker import TRACKER
 from kinemimic.train.learning_control.corrector import correction_samples
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
@@ -39,12 +40,17 @@ def settings_for(
 ) -> Settings:
     """Settings for a motion; arguments as in `command.train`.
 
-    KinemimicError for a tracker that cannot be read, a budget below one sample, and a scenario that does not
-    suit the motion.
+    KinemimicError for a tracker that cannot be read or has learned no such motion, a budget below one sample,
+    and a scenario that does not suit the motion.
     """
     initial: Policy | None = None
     if start is not None:
         initial, config = from_start(start, preset_name, seed)
+        if config.env.balance and motion.cyclic:
+            raise KinemimicError(
+                f"--from {start}: expected a motion without strides, all that this tracker has learned, "
+                f"found a loop; use --from {TRACKER}"
+            )
     if config is None:
         config = preset(preset_name, seed=seed)
     if scenario is not None:

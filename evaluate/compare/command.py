@@ -174,7 +174,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="Baseline whose settings to search; repeatable.")  # fmt: skip
 @click.option("--only", "only", multiple=True, metavar="VARIANT",
               help="Restrict an ablation or a search to this variant; repeatable.")  # fmt: skip
-@click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="Number of seeds.")
+@click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of seeds.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples at which to score.")  # fmt: skip
 @click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",

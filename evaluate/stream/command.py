@@ -11,7 +11,7 @@ import click
 
 from kinemimic.evaluate.simulate.command import require_viser
 from kinemimic.pipeline.cli.finite_range import FiniteRange
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import RunFolder, json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash
@@ -78,7 +78,7 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
     metavar="NAME",
     help="Name of a shipped tracker, or folder of one.",
 )
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/stream"), show_default=True,
+@click.option("--run", type=RunFolder(), default=Path("runs/stream"), show_default=True,
               help="Folder for the policy and the recordings.")  # fmt: skip
 @click.option("--lag", type=FiniteRange(0.0, 1.0), default=0.15, show_default=True,
               help="Lag of the filter in seconds: more is smoother.")  # fmt: skip

@@ -111,11 +111,13 @@ def only_segment(clip: Clip, segments: list[Segment], wanted: str) -> Clip:
     """The clip with all frames outside a segment taken out of their passes.
 
     segments: of the clip; wanted: the name of one of them, or "START-END" in seconds. KinemimicError if there
-    is no such segment, or a shorter one than `ingest` keeps.
+    is no such segment, or a shorter one than `ingest` keeps, and for times in the wrong order.
     """
     times = _TIMES.fullmatch(wanted)
     if times is not None:
         start, end = (float(text) for text in times.groups())
+        if start >= end:
+            raise KinemimicError(f"--segment: expected START before END, found {wanted!r}")
         inside = (clip.times >= start) & (clip.times <= end)
     else:
         chosen = [one for one in segments if one.name == wanted]

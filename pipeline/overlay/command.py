@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import RunFolder, json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
@@ -152,7 +152,7 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option(
     "--run",
-    type=click.Path(path_type=Path),
+    type=RunFolder(),
     help="Draw the clip of this run instead of the joints as recorded.",
 )
 @click.option(

@@ -67,7 +67,9 @@ def read_library(folder: Path) -> MotionLibrary:
     """
     path, arrays = folder / MANIFEST, folder / ARRAYS
     if not path.exists():
-        raise KinemimicError(f"{path}: expected the manifest of a motion library, found no file; {_ADVICE}")
+        raise KinemimicError(
+            f"{path}: expected the manifest of a motion library, found no file; run `kinemimic library` first"
+        )
     document = read_json(path)
     if not isinstance(document, dict):
         raise KinemimicError(

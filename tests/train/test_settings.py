@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -27,6 +28,14 @@ def test_a_tracker_brings_its_weights_and_is_named_by_its_hash(motion: Motion) -
     assert found.initial.layers[0][0].shape[0] == found.config.hidden[0]
     assert found.config.start == file_hash(tracker_path("tracker"))
     assert found.config.max_budget > found.config.budget
+
+
+def test_the_tracker_of_motions_on_the_spot_learns_no_loop(motion: Motion) -> None:
+    assert motion.cyclic
+    with pytest.raises(KinemimicError, match=r"--from standing: expected a motion without strides, .*a loop"):
+        settings_for(motion, start="standing")
+    once = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
+    assert settings_for(once, start="standing").config.env.balance
 
 
 def test_a_budget_of_the_user_is_kept(motion: Motion) -> None:

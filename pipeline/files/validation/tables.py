@@ -19,7 +19,6 @@ from kinemimic.pipeline.files.validation.strict_json import strict_json
 _CELLS = 1 << 28  # 2 GB of doubles: twelve hours of a clip at 30 Hz
 _LARGEST = 1e12  # seconds, metres or radians; larger values come from damaged bits
 _DAMAGE = (pa.ArrowException, OSError, ValueError, TypeError, IndexError, OverflowError, MemoryError)
-_SHOWN = 160  # characters of pyarrow's message
 
 
 @contextmanager
@@ -56,7 +55,8 @@ def open_table(path: Path, *, kind: str, advice: str) -> Iterator[tuple[pq.Parqu
             OverflowError,
             MemoryError,
         ) as error:
-            found = " ".join(str(error).split())[:_SHOWN]
+            # Our own errors are plain ones.
+            found = str(error) if type(error) is ValueError else "a damaged file, or no Parquet"
             raise CaptureError(path, expected=kind, found=found, advice=advice) from None
 
 

@@ -243,6 +243,7 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--preset=best"], "'best' is not one of"),
         (["nowhere", "--search=default"], "'default' is not one of"),
         (["nowhere", "--seeds=0"], "--seeds"),
+        (["nowhere", "--seeds=99999999999999999999999"], "is not in the range 1<=x<=1000"),
         (["nowhere", "--limit=ddpg"], "expected VARIANT=SAMPLES, found 'ddpg'"),
         (["nowhere", "--limit=ddpg=3e5"], "--limit: expected some of default, found 'ddpg'"),
         (["nowhere", "--search=ddpg", "--only=ddpg-much"], "found 'ddpg-much'"),

@@ -28,6 +28,15 @@ def test_a_run_folder_has_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert str(result.exception) == "--run: expected the name of a run folder, found an empty one"
 
 
+def test_a_file_in_place_of_a_run_folder_is_refused_by_every_command(tmp_path: Path) -> None:
+    (tmp_path / "walk.skl").write_text("a walk")
+    for name in COMMANDS:
+        command = load_command(name)
+        if any("--run" in option.opts for option in command.params):
+            result = CliRunner().invoke(command, ["--run", str(tmp_path / "walk.skl")])
+            assert "expected a run folder, found a file; choose another --run" in str(result.exception), name
+
+
 def test_a_seed_is_one_that_every_generator_takes() -> None:
     @click.command()
     @seed_option()

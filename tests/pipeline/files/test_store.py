@@ -242,7 +242,7 @@ def _column(name: str, values: Any) -> Callable[[pa.Table], pa.Table]:
 TWO_JOINTS = {"names": ["a", "b"], "parents": [-1, 0], "offsets": [[0, 0, 0]] * 2}
 DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] = {
     "no names": (lambda t: t, {"skeleton": {}}, "no key 'names'"),
-    "a list": (lambda t: t, {"skeleton": []}, "list indices"),
+    "a list": (lambda t: t, {"skeleton": []}, "a damaged file"),
     "a twin": (
         lambda t: t,
         {"skeleton": {"names": ["a", "a"], "parents": [-1, 0], "offsets": [[0, 0, 0]] * 2}},

@@ -82,6 +82,9 @@ def test_an_unknown_name_gives_one_line_with_the_names(clip: Clip) -> None:
 def test_times_outside_the_capture_give_one_line_with_its_times(clip: Clip) -> None:
     with pytest.raises(KinemimicError, match=r"found none; the capture has 0\.0 to 16\.0 s"):
         only_segment(clip, segments_of(clip), "90-99")
+    for text in ("5-3", "3-3"):
+        with pytest.raises(KinemimicError, match=f"^--segment: expected START before END, found '{text}'$"):
+            only_segment(clip, segments_of(clip), text)
 
 
 def test_a_segment_shorter_than_a_pass_that_ingest_keeps_is_refused(clip: Clip) -> None:

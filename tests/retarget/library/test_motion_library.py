@@ -149,7 +149,7 @@ def _in_first_motion(folder: Path, **keys: object) -> None:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda folder: (folder / MANIFEST).unlink(), "expected the manifest of a motion library, found no"),
+        (lambda folder: (folder / MANIFEST).unlink(), "found no file; run `kinemimic library` first"),
         (lambda folder: (folder / MANIFEST).write_text("[]"), "found other JSON"),
         (lambda folder: (folder / ARRAYS).unlink(), "expected the arrays of .*, found no file"),
         (lambda folder: (folder / ARRAYS).write_bytes(b"\0" * 40), "expected the arrays of .*, found others"),

@@ -104,7 +104,9 @@ def test_values_come_as_they_are() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a = ", "x.toml: expected TOML, found .*end of document"),
+        ("a = ", "x.toml: expected TOML, found the end of the text in line 1"),
+        ("a = 1\nb b", "x.toml: expected TOML, found 'b' in line 2, column 3"),
+        ("[a]\n[a]\n", "x.toml: expected TOML, found a key or a table for the second time in line 2"),
         ("a = " + 5000 * "[", "x.toml: expected TOML, found deep nesting"),
         (500 * "a." + "a = 1", "x.toml: expected a record, found deep nesting"),
         ("a = " + 5000 * "9", "x.toml: expected TOML, found a number with thousands of digits"),

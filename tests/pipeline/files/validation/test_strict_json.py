@@ -33,10 +33,11 @@ def test_numbers_that_are_not_finite_are_refused_unless_asked_for(text: str) -> 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("[1,\n2,\n]", "line 3 column 1"),
-        ("", "line 1 column 1"),
+        ("[1,\n2,\n]", r"^'\]' in line 3, column 1$"),
+        ("", "^the end of the text in line 1$"),
+        ('{"a": 1\n "b": 2}', "^'\"b\": 2}' in line 2, column 2$"),
         ("[" * 100_000 + "]" * 100_000, "nested too deep"),
-        ("9" * 10_000, "4300 digits"),
+        ("9" * 10_000, "thousands of digits"),
     ],
 )
 def test_what_is_no_json_is_refused_with_the_place(text: str, reason: str) -> None:

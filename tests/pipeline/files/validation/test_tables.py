@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.store import write_clip, write_table
+from kinemimic.pipeline.files.validation.tables import read_table
 from kinemimic.pipeline.kinematics.clip import Clip
 
 # Counted in a process of its own: pyarrow keeps threads that other tests have started.
@@ -35,3 +37,14 @@ def test_reading_starts_no_thread(kind: str, tmp_path: Path, node_clip: Callable
     command = [sys.executable, "-c", COUNT, kind, str(path)]
     counted = subprocess.run(command, capture_output=True, text=True, check=True)
     assert counted.stdout == "0\n"
+
+
+def test_what_is_no_parquet_is_said_in_our_words(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    for content in (b"", b"a walk", b"PAR1 a walk PAR1"):
+        path.write_bytes(content)
+        with pytest.raises(CaptureError) as error:
+            read_table(path, kind="a table", advice="make it again")
+        assert str(error.value) == (
+            f"{path}: expected a table, found a damaged file, or no Parquet; make it again"
+        )
