@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gait.curve_metrics import r2
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.locomotion.bouts import Bout
@@ -217,19 +218,6 @@ def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any
     }
 
 
-def r_squared(captured: Array, fitted: Array) -> float:
-    """Coefficient of determination R² of fitted (M,) against captured (M,); NaN without variance.
-
-    Frames in which either is NaN are left out.
-    """
-    seen = np.isfinite(captured) & np.isfinite(fitted)
-    if seen.sum() < 2:
-        return float("nan")
-    x, y = captured[seen], fitted[seen]
-    spread = float(np.sum((x - x.mean()) ** 2))
-    return 1.0 - float(np.sum((x - y) ** 2)) / spread if spread > 0 else float("nan")
-
-
 def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
     """The motion's knee and hip angles (M,) in radians at phases (M,)."""
     curves = joint_angles(motion.rotations)
@@ -247,7 +235,7 @@ def _r2(fit: CyclicFit, mask: NDArray[np.bool_] | None = None) -> dict[str, floa
     fitted = reference_at(fit.motion, fit.strides.phase[pick])
     scores: dict[str, float | None] = {}
     for name in ANGLES:
-        scores[name] = _n(r_squared(fit.captured[name][pick], fitted[name]))
+        scores[name] = _n(r2(fit.captured[name][pick], fitted[name]))
     return scores
 
 

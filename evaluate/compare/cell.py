@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.compare.task import MOTION
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, read_json
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import read_record
 

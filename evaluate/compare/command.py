@@ -19,7 +19,7 @@ from kinemimic.evaluate.compare.job_runner import side_by_side
 from kinemimic.evaluate.compare.ledger import Ledger, ProgressBars, exclusive
 from kinemimic.evaluate.compare.packed_cell import spread
 from kinemimic.evaluate.compare.table import tables
-from kinemimic.evaluate.compare.task import MOTION, Task, task_summary
+from kinemimic.evaluate.compare.task import Task, task_summary
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
 from kinemimic.pipeline.cli.options import json_option, ray_option
 from kinemimic.pipeline.cli.progress import bars
@@ -29,7 +29,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import copy_file
 from kinemimic.pipeline.parallel.cluster import cluster
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
 from kinemimic.train.config.config import TrainConfig

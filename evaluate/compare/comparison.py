@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.compare.merge import merged
-from kinemimic.evaluate.compare.task import MOTION, scenario_identity
+from kinemimic.evaluate.compare.task import scenario_identity
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.files.store import content_hash, copy_file, read_json, write_json
 from kinemimic.pipeline.files.validation.schema import upgraded
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import Policy, renamed_keys

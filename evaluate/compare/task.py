@@ -12,13 +12,12 @@ import numpy as np
 from kinemimic.pipeline.files.store import content_hash
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
 from kinemimic.retarget.formats.gait_json import read_gait_json
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario
 
-MOTION = "motion.json"
 _IN = "@"
 
 

@@ -27,10 +27,10 @@ from kinemimic.retarget.dataset.columns import DATASET_SCHEMA, INDEX, INDEX_COLU
 from kinemimic.retarget.dataset.index_table import write_rows, write_sums
 from kinemimic.retarget.dataset.shards import ShardWriter
 from kinemimic.retarget.dataset.split import SPLITS, split_of, subject_of, subject_pattern
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 
-DATASET, PAGE, MOTION = "dataset", "index.html", "motion.json"
+DATASET, PAGE = "dataset", "index.html"
 _NEW, _OLD = ".dataset-new", ".dataset-old"
 _MADE, _SUBJECT = "dataset", "subject"  # facts of the state
 

@@ -11,10 +11,10 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.policies.shipped import MOTION, ShippedPolicies
+from kinemimic.evaluate.policies.shipped import ShippedPolicies
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.sampling.episodes import begin_episodes

@@ -24,14 +24,14 @@ from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.formats.gait_json import read_gait_json
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.tracker import STANDING, TRACKER
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
-POLICY, RECORD, MOTION, SCORES = "policy.safetensors", "policy.json", "motion.json", "scores.json"
+POLICY, RECORD, SCORES = "policy.safetensors", "policy.json", "scores.json"
 GAIT = "gait.json"
 # Relative, of duration, advance and height: another version of numpy changes the last digits of a rebuilt
 # motion, another version of `retarget` improves it slightly, and the policy performs as well on either.

@@ -12,12 +12,13 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.policies.shipped import run_options
-from kinemimic.evaluate.simulate.repertoire import MOTION, Repertoire
+from kinemimic.evaluate.simulate.repertoire import Repertoire
 from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.formats.motion_json import MOTION
 from kinemimic.train.rollout.policy import POLICY, is_tracker, read_record
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve

@@ -25,6 +25,7 @@ from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash
 from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.live.frame import CapturedFrame, checked_frame
+from kinemimic.retarget.formats.motion_json import MOTION
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.tracker import STANDING
@@ -37,7 +38,6 @@ from kinemimic.train.task.observation_layout import layout
 
 SESSION, SCHEMA = "session.jsonl", 2
 COPIED = ("policy.json", POLICY)
-MOTION = "motion.json"  # of a session that no live capture drives
 DIGEST_INTERVAL = CONTROL_RATE  # control steps
 T = TypeVar("T")
 _LIMIT = 256 * MEGABYTE  # a million drags, or two hours of a live capture

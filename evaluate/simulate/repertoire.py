@@ -9,9 +9,8 @@ from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.policies.shipped import ShippedPolicies
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash
+from kinemimic.retarget.formats.motion_json import MOTION
 from kinemimic.train.rollout.policy import POLICY, is_tracker, read_record
-
-MOTION = "motion.json"
 
 
 class Repertoire:

@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.formats.number_text import number_text
 from kinemimic.retarget.humanoid.body import BODIES, STANDING_HEIGHT, Body, node_offsets
 from kinemimic.retarget.humanoid.limits import LIMITS
 
@@ -46,30 +47,30 @@ def humanoid_mjcf(*, time_step: float, gravity: float, friction: float) -> str:
     offsets, elements = node_offsets(), {"": world}
     for body in BODIES:
         place = offsets[NODE_INDEX[body.node]] if body.parent else np.array([0.0, 0.0, STANDING_HEIGHT])
-        element = ET.SubElement(elements[body.parent], "body", name=body.name, pos=_numbers(*place))
+        element = ET.SubElement(elements[body.parent], "body", name=body.name, pos=number_text(*place))
         elements[body.name] = element
         if not body.parent:
             ET.SubElement(element, "freejoint", name="root")
         else:
             _hinges(element, actuator, body)
         ET.SubElement(
-            element, "inertial", pos=_numbers(*body.center), mass=_numbers(body.mass),
-            diaginertia=_numbers(*body.inertia),
+            element, "inertial", pos=number_text(*body.center), mass=number_text(body.mass),
+            diaginertia=number_text(*body.inertia),
         )  # fmt: skip
         kind, size = _shape(body)
-        ET.SubElement(element, "geom", name=body.name, type=kind, size=size, pos=_numbers(*body.center))
+        ET.SubElement(element, "geom", name=body.name, type=kind, size=size, pos=number_text(*body.center))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
 def _hinges(element: ET.Element, actuator: ET.Element, body: Body) -> None:
     """The three hinges of a body's ball joint, from the parent outwards, and their actuators."""
-    kp, kv = _numbers(body.stiffness), _numbers(body.damping)
-    torque = _numbers(-body.torque_limit, body.torque_limit)
+    kp, kv = number_text(body.stiffness), number_text(body.damping)
+    torque = number_text(-body.torque_limit, body.torque_limit)
     for (name, axis), (least, most) in zip(HINGE_AXES.items(), LIMITS[body.node].tolist(), strict=True):
         joint = ET.SubElement(element, "joint", name=f"{body.node}_{name}", type="hinge", axis=axis)
         if least < most:  # a knee bends about y alone; MuJoCo refuses an empty range
-            joint.set("range", _numbers(least, most))
+            joint.set("range", number_text(least, most))
         ET.SubElement(
             actuator, "position", name=f"{body.node}_{name}", joint=f"{body.node}_{name}", kp=kp, kv=kv,
             forcelimited="true", forcerange=torque,
@@ -80,9 +81,5 @@ def _shape(body: Body) -> tuple[str, str]:
     """Type and size of the geom that is simulated; an ellipsoid is the capsule of its length."""
     x, y, z = (0.5 * side for side in body.size)
     if body.shape == "box":
-        return "box", _numbers(x, y, z)
-    return ("sphere", _numbers(x)) if body.shape == "sphere" else ("capsule", _numbers(x, z - x))
-
-
-def _numbers(*values: float) -> str:
-    return " ".join(f"{value:.9g}" for value in values)
+        return "box", number_text(x, y, z)
+    return ("sphere", number_text(x)) if body.shape == "sphere" else ("capsule", number_text(x, z - x))

@@ -18,6 +18,7 @@ from kinemimic.retarget.humanoid.motion_check import check_motion
 
 T = TypeVar("T")
 
+MOTION = "motion.json"  # in a run folder
 MOTION_FORMAT = "kinemimic.motion"
 MOTION_SCHEMA = 1
 # Nanometres and nanoradians: far below any sensor's resolution, and readable.

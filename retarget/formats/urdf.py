@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from xml.etree import ElementTree as ET
 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.formats.number_text import number_text
 from kinemimic.retarget.humanoid.body import BODIES, Body, node_offsets
 
 # Auxiliary links: the base inside the pelvis that pybullet needs, and the links between the hinges of a
@@ -16,20 +17,16 @@ SMALL_INERTIA = 1e-4  # kg·m²
 HINGE_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
-def _numbers(*values: float) -> str:
-    return " ".join(f"{value:.9g}" for value in values)
-
-
 def _axes(vector: Iterable[float], y_up: bool) -> str:
     """A vector's components in the file's axes: (forward, left, up), or (left, up, forward) if y_up."""
     x, y, z = vector
-    return _numbers(y, z, x) if y_up else _numbers(x, y, z)
+    return number_text(y, z, x) if y_up else number_text(x, y, z)
 
 
 def _geometries(body: Body, plain: bool) -> Iterator[tuple[str, Iterable[float], dict[str, str]]]:
     """Kind, centre and size attributes of the geometries of a body."""
     x, _, z = body.size
-    radius, length = {"radius": _numbers(0.5 * x)}, {"length": _numbers(z - x)}
+    radius, length = {"radius": number_text(0.5 * x)}, {"length": number_text(z - x)}
     if body.shape == "sphere":
         yield "sphere", body.center, radius
     elif body.shape == "box":
@@ -48,11 +45,11 @@ def _link(robot: ET.Element, body: Body, plain: bool, y_up: bool) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=_axes(body.center, y_up), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=_numbers(body.mass))
+    ET.SubElement(inertial, "mass", value=number_text(body.mass))
     ixx, iyy, izz = _axes(body.inertia, y_up).split()
     ET.SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
     # URDF capsules and cylinders lie along Z, the limbs of a Y-up file along Y.
-    along_limb = f"{_numbers(-0.5 * math.pi)} 0 0" if y_up else "0 0 0"
+    along_limb = f"{number_text(-0.5 * math.pi)} 0 0" if y_up else "0 0 0"
     for role in ("visual", "collision"):
         for kind, center, size in _geometries(body, plain):
             element = ET.SubElement(link, role)
@@ -64,8 +61,8 @@ def _link(robot: ET.Element, body: Body, plain: bool, y_up: bool) -> None:
 def _small_link(robot: ET.Element, name: str) -> None:
     inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
     ET.SubElement(inertial, "origin", xyz="0 0 0", rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=_numbers(SMALL_MASS))
-    moment = _numbers(SMALL_INERTIA)
+    ET.SubElement(inertial, "mass", value=number_text(SMALL_MASS))
+    moment = number_text(SMALL_INERTIA)
     ET.SubElement(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
 
 
@@ -90,8 +87,8 @@ def _joint(
     ET.SubElement(joint, "axis", xyz=axis)
     limit = ET.SubElement(joint, "limit", effort=effort, velocity="100")
     if kind == "revolute":
-        limit.set("lower", _numbers(-math.pi))
-        limit.set("upper", _numbers(math.pi))
+        limit.set("lower", number_text(-math.pi))
+        limit.set("upper", number_text(math.pi))
 
 
 def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
@@ -110,7 +107,7 @@ def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
     _small_link(robot, "base")
     offsets = node_offsets()
     for body in BODIES:
-        origin, effort = _axes(offsets[NODE_INDEX[body.node]], y_up), _numbers(body.torque_limit)
+        origin, effort = _axes(offsets[NODE_INDEX[body.node]], y_up), number_text(body.torque_limit)
         parent = body.parent or "base"
         if joint_type == "revolute" and body.parent:
             for name, axis in HINGE_AXES.items():

@@ -18,13 +18,14 @@ from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json, write_clip
+from kinemimic.pipeline.gait.curve_metrics import r2
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.retarget.command import command, retarget
 from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.report import r_squared, reference_at
+from kinemimic.retarget.report import reference_at
 from kinemimic.retarget.table import refusals, table
 
 FILES = ("motion.json", "motion.mcap", "gait.json", "capture.parquet")
@@ -105,8 +106,8 @@ def test_captured_rows_have_the_phase_of_the_motion(run):
     reference = reference_at(motion, columns["phase"])
     for name, curve in joint_angles(motion.rotations).items():
         # As read, with the noise of the sensor.
-        assert r_squared(columns[name], reference[name]) > 0.75
-        assert r_squared(columns[f"clean_{name}"], reference[name]) > 0.8
+        assert r2(columns[name], reference[name]) > 0.75
+        assert r2(columns[f"clean_{name}"], reference[name]) > 0.8
         # Frame k of the motion is phase k / T.
         assert reference_at(motion, np.array([3 / len(curve)]))[name] == pytest.approx(curve[3])
         assert f"truth_{name}" in columns

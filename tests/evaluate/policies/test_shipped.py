@@ -16,12 +16,12 @@ from peers.trackers import write_idle_tracker
 from kinemimic.evaluate.export import command as export
 from kinemimic.evaluate.policies import command as policies
 from kinemimic.evaluate.policies.recipe import recording
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, ShippedPolicies, evaluated
+from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, ShippedPolicies, evaluated
 from kinemimic.evaluate.scoring import command as stage
 from kinemimic.evaluate.view import command as view
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
-from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.tracker import STANDING

@@ -18,7 +18,7 @@ from peers.ray_nodes import RayNodes
 from peers.shelf import write_run
 
 from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
+from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow import packed_recipe
 from kinemimic.evaluate.workflow import reproduce as module
 from kinemimic.evaluate.workflow.packed_recipe import TrainedRecipe, spread, stage_options
@@ -28,7 +28,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json
 from kinemimic.pipeline.parallel.packed_files import PackedFiles
 from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion
-from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.presets import PRESETS
 

@@ -8,18 +8,19 @@ from samples.bouts import bouts_of
 from samples.walker import walker
 
 from kinemimic.pipeline.convert import convert, on_nodes, read_converted
+from kinemimic.pipeline.gait.curve_metrics import r2
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.captured_angles import PassSpan
 from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.report import r_squared, reference_at
+from kinemimic.retarget.report import reference_at
 from kinemimic.retarget.strides.selection import select_bouts
 
 
 def scores(fit: CyclicFit) -> list[float]:
     at = reference_at(fit.motion, fit.strides.phase)
-    return [r_squared(fit.captured[name], at[name]) for name in ANGLES]
+    return [r2(fit.captured[name], at[name]) for name in ANGLES]
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
