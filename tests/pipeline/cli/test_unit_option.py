@@ -116,9 +116,10 @@ def test_a_format_with_a_unit_of_its_own_is_overruled(tmp_path: Path) -> None:
         np.full(shown.joints.shape[:2], TRACKED, dtype=np.uint8),
         np.array([0.0, 1.0, 0.0, 0.9]),
     )
-    with pytest.raises(KinemimicError, match="expected at most 100"):
-        read(path)
-    clip = check_capture(read(path, unit="mm")).clip
+    assert read(path).provenance["reading"]["units"] == "m"
+    told = read(path, unit="mm")
+    assert told.provenance["reading"]["units"] == "mm"
+    clip = check_capture(told).clip
     legs = [clip.skeleton.names.index(name) for name in ("hip_left", "knee_left")]
     thigh = np.linalg.norm(clip.positions[:, legs[0]] - clip.positions[:, legs[1]], axis=-1)
     assert 0.35 < float(np.median(thigh)) < 0.50
