@@ -23,6 +23,7 @@ from kinemimic.train.learning_control.corrector import Corrector
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
+from kinemimic.train.recovery.learning import learn_recoveries
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
@@ -156,7 +157,13 @@ def _train(
         ):
             loop = TrainingLoop(training, runner, imitated, saved, timer, seconds, policy, corrector)
             loop.run(run / CURVES)
-    return policy.write(finished=True)
+    if config.recovery is None:
+        return policy.write(finished=True)
+    best = training.best
+    assert best is not None  # noqa: S101 (a training that is complete has an evaluation)
+    local = min(count, local_cores())
+    recovered = learn_recoveries(motion, best, config, run, workers=local, engine=engine)
+    return policy.write(finished=True, recovered=recovered)
 
 
 @contextmanager

@@ -18,6 +18,8 @@ from kinemimic.train.scenario.event_schedule import check
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 
+LEAST = 1_000_000  # samples: searches take longer than that, and would be for a policy that still changes
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -61,7 +63,7 @@ def settings_for(
         config = replace(config, budget=budget, max_budget=0)
     if config.budget < 1:
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
-    config, reserved = _with_learning_control(config, motion)
+    config, reserved = _with_learning_control(_with_recovery(config, motion), motion)
     return Settings(config, initial, reserved)
 
 
@@ -88,3 +90,11 @@ def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainCo
     if not motion.cyclic or config.env.scenario or config.budget < 2 * samples + config.batch:
         return replace(config, learning_control=None), 0
     return config, samples
+
+
+def _with_recovery(config: TrainConfig, motion: Motion) -> TrainConfig:
+    """The configuration, without recoveries on a motion that does not repeat itself, in a scenario, and after
+    a training of fewer than LEAST samples."""
+    if motion.cyclic and config.env.scenario is None and config.budget >= LEAST:
+        return config
+    return replace(config, recovery=None)

@@ -15,9 +15,10 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.recovery.pushes import PELVIS, PUSH, SETTLE, SURVIVE
 from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
@@ -25,13 +26,6 @@ from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
-
-SETTLE = CONTROL_RATE  # control steps: 1 s
-PUSH = CONTROL_RATE // 5  # 0.2 s
-# 5 s, four cycles of a walk: of 83 falls of a default policy after pushes of 60, 80 and 100 N, half came
-# within 1.5 s and two after 5 s.
-SURVIVE = 5 * CONTROL_RATE
-PELVIS = BODY_INDEX["pelvis"]
 
 # Direction of a push, in radians from the reference's heading, Z up.
 DIRECTIONS: dict[str, float] = {

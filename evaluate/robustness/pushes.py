@@ -19,11 +19,7 @@ from kinemimic.evaluate.robustness.push_trials import (
     DIRECTIONS,
     EXTENDED_GRID,
     GRID,
-    PELVIS,
-    PUSH,
     RESOLUTION,
-    SETTLE,
-    SURVIVE,
     SearchResult,
     Task,
     push_from_all_directions,
@@ -39,6 +35,7 @@ from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.recovery.pushes import PELVIS, PUSH, SETTLE, SURVIVE
 from kinemimic.train.rollout.policy import POLICY, load_trained, training_summary
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option

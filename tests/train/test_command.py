@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from peers.trackers import write_idle_tracker
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import file_hash, write_text
+from kinemimic.pipeline.files.store import file_hash, read_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
@@ -21,6 +21,8 @@ from kinemimic.train import settings
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.config.presets import PRESETS
+from kinemimic.train.config.recovery import Recovery
+from kinemimic.train.recovery.learning import SEARCHES
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.task.timer import Timer
@@ -229,3 +231,21 @@ def test_a_robust_training_starts_from_a_tracker(run: Path, tracker: Path) -> No
     assert env["preview"] == theirs["preview"]
     assert env["tracking"]["leash"] == theirs["tracking"]["leash"]
     assert "robust_return" in record["evaluations"][-1]
+
+
+def test_recoveries_are_learned_after_the_last_round(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "LEAST", ROUND)
+    quick = Recovery(
+        phases=4, directions=(180.0,), forces=(50.0,), candidates=2, elite=1, iterations=1, rounds=1,
+        humanoids=6, taught=0.0,
+    )  # fmt: skip
+    config = replace(SMALL, budget=ROUND, recovery=quick)
+    record = stage.train(run, config=config, workers=1)
+    assert record["finished"]
+    assert record["recovery"]["searches"] == 2
+    assert read_json(run / "policy.json")["recovery"] == record["recovery"]
+    assert len(read_json(run / SEARCHES)["found"]) == 2
+    # Once more, from what is stored: the same policy.
+    before = file_hash(run / "policy.safetensors")
+    assert stage.train(run, config=config, workers=1)["recovery"] == record["recovery"]
+    assert file_hash(run / "policy.safetensors") == before

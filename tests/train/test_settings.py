@@ -13,7 +13,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.scenario.scenario_file import scenario
-from kinemimic.train.settings import settings_for
+from kinemimic.train.settings import LEAST, settings_for
 
 
 def test_a_preset_starts_from_random_weights(motion: Motion) -> None:
@@ -50,3 +50,20 @@ def test_a_scenario_replaces_that_of_the_settings(motion: Motion) -> None:
     on_slopes = settings_for(motion, scenario=slopes).config
     assert on_slopes.env.scenario == slopes
     assert settings_for(motion, config=on_slopes, scenario=slippery).config.env.scenario == slippery
+
+
+def test_recoveries_are_left_out_where_they_do_not_apply(motion: Motion) -> None:
+    robust = settings_for(motion, start="tracker", preset_name="robust").config
+    assert robust.recovery is not None
+    assert settings_for(motion, start="tracker").config.recovery is None
+    for other in (
+        settings_for(motion, config=robust, budget=LEAST - 1),
+        settings_for(motion, config=robust, scenario=scenario("slopes")),
+        settings_for(replace(motion, cyclic=False), config=robust),
+    ):
+        assert other.config == replace(
+            robust,
+            recovery=None,
+            budget=other.config.budget,
+            env=replace(robust.env, scenario=other.config.env.scenario),
+        )

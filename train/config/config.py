@@ -14,6 +14,7 @@ from kinemimic.pipeline.files.validation.records import RecordError, Steps, conv
 from kinemimic.train.config.baseline_config import Activation, Baseline, require_counts
 from kinemimic.train.config.env_config import LATER_LIMITS, LATER_RANGES, EnvConfig, RewardConfig
 from kinemimic.train.config.learning_control import LearningControl
+from kinemimic.train.config.recovery import Recovery
 
 # A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
 Schedule = tuple[tuple[int, float], ...]
@@ -41,7 +42,8 @@ class TrainConfig:
     body_error: metres. entropy: weight of the entropy; entropy_decay: its factor per round. budget: samples
     in total; max_budget: as long as no evaluation walks, training goes on to these, 0 to end at the budget.
     start: SHA-256 of the policy from which training starts, "" for random weights. learning_control: before
-    the first round and after the last, None for none. Schedules are points (samples, value), linear in
+    the first round and after the last, None for none. recovery: learned after the last, None for none.
+    Schedules are points (samples, value), linear in
     between.
 
     RecordError (a ValueError) for a count below 1, a factor of 0 or less, if `horizon` is not a multiple of
@@ -85,6 +87,7 @@ class TrainConfig:
     baseline: Baseline | None = None
     start: str = ""
     learning_control: LearningControl | None = None
+    recovery: Recovery | None = None
 
     def __post_init__(self) -> None:
         require_counts(self, "num_envs", "horizon", "minibatch", "epochs")
@@ -144,7 +147,7 @@ class TrainConfig:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
         # The JSON stays as before these were introduced where it does without them.
-        for key in ("baseline", "learning_control"):
+        for key in ("baseline", "learning_control", "recovery"):
             if getattr(self, key) is None:
                 del value[key]
         if not self.start:
@@ -176,7 +179,7 @@ class TrainConfig:
         if isinstance(value, dict):
             env = value.get("env")
             later = {"start": "", "body_error": [], "max_budget": 0, "ankle_exploration": 1.0}
-            value = {"baseline": None, "learning_control": None, **later, **value}
+            value = {"baseline": None, "learning_control": None, "recovery": None, **later, **value}
             if isinstance(env, dict):
                 value["env"] = env = {
                     "scenario": None,

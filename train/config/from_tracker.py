@@ -13,6 +13,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import OBSERVATION_CLIP, DomainRandomization
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.config.presets import PRESETS
+from kinemimic.train.config.recovery import Recovery
 
 # Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
 POLISH, STANDING_POLISH, ROBUST_POLISH = "polish", "standing-polish", "robust-polish"
@@ -113,6 +114,7 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
             "path": ((0, 8.0), (300_000, 2.0)),
         },
         budget=BUDGETS[ROBUST_POLISH],
+        recovery=Recovery(),
     )
 
 

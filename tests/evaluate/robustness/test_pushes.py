@@ -23,10 +23,7 @@ from kinemimic.evaluate.robustness.push_trials import (
     DIRECTIONS,
     EXTENDED_GRID,
     GRID,
-    PUSH,
     RESOLUTION,
-    SETTLE,
-    SURVIVE,
     SearchResult,
     Task,
     push_from_all_directions,
@@ -40,6 +37,7 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
+from kinemimic.train.recovery.pushes import PUSH, SETTLE, SURVIVE
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.task.env import ACTIONS

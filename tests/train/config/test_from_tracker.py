@@ -11,6 +11,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.config.from_tracker import BUDGETS, NAMES, TRAIN_OPTIONS, from_tracker
 from kinemimic.train.config.presets import PRESETS
+from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.config.tracker import standing_config, tracker_config
 
 TRACKER = tracker_config()
@@ -50,6 +51,8 @@ def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
     assert robust.max_budget == 0
     assert polish.learning_control is not None
     assert robust.learning_control is None
+    assert polish.recovery is None
+    assert robust.recovery == Recovery()
     assert (polish.env.tracking.limit, polish.env.tracking.arm_limit) == (3.0, 1.0)
     assert (robust.env.tracking.limit, robust.env.tracking.arm_limit) == (8.0, 1.0)
     assert robust.env.max_height_error > polish.env.max_height_error

@@ -1,0 +1,116 @@
+"""Lessons by which a policy learns maneuvers: observations, and its actions with the maneuvers.
+
+The pupil acts, and the teacher says what it would have done there, so that the pupil learns from the states
+into which its own mistakes lead (DAgger; S. Ross et al., "A reduction of imitation learning and structured
+prediction to no-regret online learning", AISTATS 2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array, Floats
+from kinemimic.train.config.recovery import Recovery
+from kinemimic.train.recovery import maneuver
+from kinemimic.train.recovery.pushes import Pushes, pushed, walk_to
+from kinemimic.train.recovery.search import SPREAD, Found
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.sim.world import CONTROL_RATE
+from kinemimic.train.task.env import ACTIONS, ImitationBatch
+
+NOISE = 0.03  # in units of the action, of every second lesson: a pupil must also learn to act beside its way
+_KEEPS = 0.85  # share of the noise that a control step keeps from the one before
+_STEPS = 13 * CONTROL_RATE // 3  # of a lesson, from the push on
+_BEFORE = 8  # control steps before the push that the lesson includes
+_TAUGHT = 2.0 / 3.0  # share of the humanoids that are pushed as in a search
+_UNPUSHED = 0.25  # share of the others
+_WEAKEST = 120.0  # N
+_HARDER = 1.2  # hardest push, as a factor on the hardest of the search: many maneuvers survive more
+# A weak push needs no maneuver: they are taken in full from _WHOLE, not at all below _NONE, N.
+_NONE, _WHOLE = 100.0, 200.0
+_OTHERS = 650.0  # N, hardest push from other directions, in which the pupil shall act as before
+_APART = 0.25 * np.pi  # of the other directions from those that were searched
+
+
+@dataclass(frozen=True)
+class Teacher:
+    """A policy with maneuvers for pushes around `found`; around: half of the phase between two of them."""
+
+    policy: Policy
+    found: Sequence[Found]
+    around: float
+
+
+def lesson(
+    batch: ImitationBatch,
+    teacher: Teacher,
+    pupil: Policy | None,
+    settings: Recovery,
+    noise: float,
+    random: np.random.Generator,
+) -> tuple[Floats, Floats]:
+    """Observations (R, O) of the humanoids that are upright, and the teacher's actions (R, 42) there.
+
+    pupil: acts; None for the teacher itself. noise: standard deviation, in units of the action.
+    """
+    count = batch.world.size
+    pushes, knots = _drawn(teacher, settings, count, random)
+    added = maneuver.actions(knots)
+    disturbance: Array = np.zeros((count, ACTIONS))
+    observations: list[Floats] = []
+    actions: list[Floats] = []
+    fallen = np.zeros(count, dtype=np.bool_)
+
+    def act(step: int, seen: Array) -> Array:
+        nonlocal disturbance
+        wanted = teacher.policy.act(seen).astype(np.float64)
+        if 0 <= step < len(added):
+            wanted = wanted + batch.reflected(added[step])
+        observations.append(seen[~fallen].astype(np.float32))
+        actions.append(wanted[~fallen].astype(np.float32))
+        draws = random.standard_normal((count, ACTIONS))
+        disturbance = _KEEPS * disturbance + np.sqrt(1.0 - _KEEPS**2) * draws
+        taken = wanted if pupil is None else pupil.act(seen).astype(np.float64)
+        return taken + noise * disturbance
+
+    walk_to(batch, teacher.policy, pushes.phases - _BEFORE / (CONTROL_RATE * batch.reference.duration))
+    for step in range(-_BEFORE, 0):
+        batch.step(act(step, batch.observe()))
+    for fallen in pushed(batch, pushes, _STEPS, act):  # noqa: B007 (`act` reads it)
+        pass
+    return np.concatenate(observations), np.concatenate(actions)
+
+
+def _drawn(
+    teacher: Teacher, settings: Recovery, count: int, random: np.random.Generator
+) -> tuple[Pushes, Array]:
+    """Pushes and the knots (N, KNOTS, C) of their maneuvers: most as in the searches, some from elsewhere."""
+    found = teacher.found
+    taught = round(_TAUGHT * count)
+    of = np.resize(np.arange(len(found)), taught)
+    phases, forces, angles = random.random(count), np.zeros(count), np.zeros(count)
+    knots = np.zeros((count, maneuver.KNOTS, len(maneuver.COLUMNS)))
+    first = slice(0, taught)
+    phases[first] = (
+        np.array([one.phase for one in found])[of] + random.uniform(-1, 1, taught) * teacher.around
+    )
+    angles[first] = np.array([one.direction for one in found])[of] + random.uniform(-SPREAD, SPREAD, taught)
+    forces[first] = random.uniform(_WEAKEST, _HARDER * max(settings.forces), taught)
+    share = np.clip((forces[first] - _NONE) / (_WHOLE - _NONE), 0.0, 1.0)
+    knots[first] = np.stack([one.knots for one in found])[of] * share[:, None, None]
+    rest = np.arange(taught, count)
+    pushed = rest[round(_UNPUSHED * len(rest)) :]
+    angles[pushed] = _elsewhere(np.radians(settings.directions), len(pushed), random)
+    forces[pushed] = random.uniform(0.0, _OTHERS, len(pushed))
+    return Pushes(phases, forces, angles), knots
+
+
+def _elsewhere(searched: Array, count: int, random: np.random.Generator) -> Array:
+    """Angles (N,) that are _APART from those searched, as far as there are any."""
+    grid = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+    off = np.abs(np.mod(grid[:, None] - searched + np.pi, 2.0 * np.pi) - np.pi).min(axis=1)
+    free = grid[off >= min(_APART, off.max())]
+    return random.choice(free, count)
