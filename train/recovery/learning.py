@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +58,11 @@ def learn_recoveries(
     if settings is None:
         raise ValueError("expected a configuration with recoveries")
     found = _found(motion, policy, config, settings, run / SEARCHES, workers, engine)
-    taught = [one for one in found if one.after >= settings.taught and one.after > one.before]
+    # Where no maneuver is good enough, the pupil shall go on as before.
+    taught = [one if one.after >= settings.taught else replace(one, knots=0.0 * one.knots) for one in found]
     shares = [_survival(motion, policy, config, engine)]
     best = policy
-    if taught:
+    if maneuvers := sum(one.knots.any() for one in taught):
         teacher = Teacher(policy, taught, 0.5 / settings.phases)
         for pupil in _rounds(motion, teacher, config, settings, engine):
             shares.append(_survival(motion, pupil, config, engine))
@@ -70,7 +71,7 @@ def learn_recoveries(
     record = {
         "policy": content_hash(policy.tensors()),
         "searches": len(found),
-        "taught": len(taught),
+        "taught": int(maneuvers),
         "samples": sum(one.samples for one in found),
         "survived_before": float(np.mean([one.before for one in found])),
         "survived_by_maneuver": float(np.mean([one.after for one in found])),
