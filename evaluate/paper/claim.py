@@ -39,8 +39,8 @@ class Claim:
     "incomparable" for what no number of ours can confirm, "neither" for no verdict; reason: why ours is None,
     differs or is not comparable, and failing: the algorithm that failed; low, high: 95 % interval of ours, if
     any; unequal: PPO had more samples than the baseline; short: there were fewer samples than in the paper;
-    sizes: the paper's lead and ours in comparable form where the numbers themselves are not comparable (times
-    of two machines); best: of our policies that ship, whatever their samples; no verdict depends on it.
+    sizes: the paper's lead and ours as ratios where the numbers themselves are not comparable (times of two
+    machines); best: of our policies that ship, whatever their samples; no verdict depends on it.
     """
 
     figure: str
@@ -106,7 +106,8 @@ class Claim:
         if self.short:
             return SHORT
         paper, here = self.sizes or (self.paper, ours)
-        return LARGER if here >= paper else SMALLER
+        found = LARGER if here >= paper else SMALLER
+        return f"{found} as a ratio: {here:.2f}, in the paper {paper:.2f}" if self.sizes else found
 
     def to_json(self) -> dict[str, Any]:
         """JSON values, including the verdict."""

@@ -38,6 +38,7 @@ def counts(claims: Sequence[Row]) -> tuple[tuple[int, str], ...]:
     """The number of claims per outcome, each with a label."""
     verdicts = [claim["verdict"] for claim in claims]
     better, leads = verdicts.count(BETTER), sum(v.startswith(CONFIRMED) for v in verdicts)
+    smaller = sum(v.startswith(SMALLER) for v in verdicts)
     same = verdicts.count(SAME)
     other = sum(v.startswith(OTHER) for v in verdicts)
     moved = sum(v in (EARLIER, LATER) for v in verdicts)
@@ -46,7 +47,7 @@ def counts(claims: Sequence[Row]) -> tuple[tuple[int, str], ...]:
     known = better + leads + same + other + moved + worse + incomparable
     return (
         (better, "numbers better than the paper's"),
-        (leads, f"confirmed, {verdicts.count(SMALLER)} of them smaller"),
+        (leads, f"confirmed, {smaller} of them smaller"),
         (same + other, f"settings, {other} of them other than in the paper"),
         (moved, "points on an axis, earlier or later than in the paper"),
         (worse, "worse, not confirmed or uncertain"),

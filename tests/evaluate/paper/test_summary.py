@@ -9,7 +9,7 @@ from kinemimic.evaluate.paper.summary import counts, is_worse, our_best
 
 VERDICTS = {
     "better": ["better"],
-    "confirmed": [CONFIRMED, LARGER, SMALLER, "confirmed: DDPG falls undisturbed"],
+    "confirmed": [CONFIRMED, LARGER, SMALLER, "confirmed: DDPG falls undisturbed", f"{SMALLER} as a ratio: 1"],
     "setting": ["as in the paper", "other: the preset paper has the printed one"],
     "point": ["earlier", "later"],
     "worse": [
@@ -24,7 +24,7 @@ VERDICTS = {
 def test_every_verdict_is_counted_once_and_in_its_place() -> None:
     found = counts([{"verdict": verdict} for own in VERDICTS.values() for verdict in own])
     assert [number for number, _ in found] == [len(own) for own in VERDICTS.values()]
-    assert found[1][1] == "confirmed, 1 of them smaller"
+    assert found[1][1] == "confirmed, 2 of them smaller"
     assert found[2][1] == "settings, 1 of them other than in the paper"
 
 
