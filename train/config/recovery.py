@@ -24,8 +24,8 @@ class Recovery:
     candidates: int = 30
     elite: int = 6
     iterations: int = 16
-    taught: float = 0.7
-    rounds: int = 3
+    taught: float = 0.4
+    rounds: int = 4
     humanoids: int = 480
 
     def __post_init__(self) -> None:

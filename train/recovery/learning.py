@@ -102,10 +102,11 @@ def _found(
         for phase in phases_of(motion, config, settings.phases)
     ]
     seeds = np.random.SeedSequence(config.seed).spawn(len(places))
+    of_search = ("phases", "directions", "forces", "candidates", "elite", "iterations")
     identity = {
         "schema": RECOVERIES_SCHEMA, "policy": content_hash(policy.tensors()),
-        "motion": motion.identity, "engine": engine,
-        "settings": json.loads(json.dumps(asdict(settings))), "seed": config.seed,
+        "motion": motion.identity, "engine": engine, "seed": config.seed,
+        "settings": {name: json.loads(json.dumps(getattr(settings, name))) for name in of_search},
     }  # fmt: skip
     done = _stored(path, identity)
     with progress("recoveries", len(places), done=len(done), unit="searches") as bar:
