@@ -9,7 +9,9 @@ from kinemimic.evaluate.paper.summary import counts, is_worse, our_best
 
 VERDICTS = {
     "better": ["better"],
-    "confirmed": [CONFIRMED, LARGER, SMALLER, "confirmed: DDPG falls undisturbed", f"{SMALLER} as a ratio: 1"],
+    "confirmed": [
+        CONFIRMED, LARGER, SMALLER, "confirmed: DDPG falls undisturbed", f"{SMALLER} as a ratio: 1",
+    ],
     "setting": ["as in the paper", "other: the preset paper has the printed one"],
     "point": ["earlier", "later"],
     "worse": [
