@@ -13,6 +13,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orientation.from_positions import local_rotations
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
@@ -158,7 +159,7 @@ def _largest_gap(strides: PooledFrames) -> float:
     legs.
     """
     gaps = []
-    for side in ("left", "right"):
+    for side in SIDES:
         phases = np.sort(np.mod(strides.phase[strides.weights[:, N[f"knee_{side}"]] > 0], 1.0))
         gaps.append(float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0)
     return max(gaps)

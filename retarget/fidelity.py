@@ -9,6 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.humanoid.motion import joint_angles
@@ -53,7 +54,7 @@ def _steps(phase: Array, positions: Array, weights: Array, stride: float) -> dic
     at = np.linspace(*FLAT, 24)
     hips = 0.5 * (positions[:, N["hip_left"], 0] + positions[:, N["hip_right"], 0])
     places = []
-    for foot, side in enumerate(("left", "right")):
+    for foot, side in enumerate(SIDES):
         reach = positions[:, N[f"ankle_{side}"], 0] - hips
         seen = np.isfinite(reach) & (weights[:, foot] > 0)
         if seen.sum() < 4 * _HARMONICS:

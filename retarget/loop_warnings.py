@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from kinemimic.pipeline.kinematics.skeleton import SIDES
+
 # Least R² of a loop's knee against the pooled strides, by `SensorReliability.precise`. Real walks reach 0.83
 # (optical; half of them 0.99) and 0.33 (depth sensors, whose knee is off by many degrees; half of them 0.67).
 MIN_KNEE_R2 = {True: 0.8, False: 0.3}
@@ -13,7 +15,7 @@ MIN_KNEE_R2 = {True: 0.8, False: 0.3}
 def knee_warnings(report: Mapping[str, Any]) -> list[str]:
     """One sentence for the knees of a loop that most strides do not follow, from the value of gait.json."""
     least = MIN_KNEE_R2[report["reliability"]["precise"]]
-    scores = {side: report["r2_loop_against_capture"].get(f"knee_{side}") for side in ("left", "right")}
+    scores = {side: report["r2_loop_against_capture"].get(f"knee_{side}") for side in SIDES}
     low = [f"{side} {value:.2f}" for side, value in scores.items() if value is not None and value < least]
     if not low:
         return []

@@ -9,6 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.feet.contact import contact_speeds, sole_positions
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion
@@ -21,7 +22,7 @@ _CHAINS: tuple[tuple[str, ...], ...] = (
     (_HIPS, "shoulder_center", "head"),
     *(
         tuple(node if node == _HIPS else f"{node}_{side}" for node in chain)
-        for side in ("left", "right")
+        for side in SIDES
         for chain in ((_HIPS, "hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
     ),
 )

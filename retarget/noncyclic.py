@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, local_rotations
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.cyclic import FRAME_RATE
 from kinemimic.retarget.feet.balance import EDGE, upright
@@ -197,7 +197,7 @@ def _reliability(positions: Array, rigid: bool, contacts: Mask, weights: Array) 
     (M, 2).
     """
     pitches = []
-    for k, side in enumerate(("left", "right")):
+    for k, side in enumerate(SIDES):
         toe = positions[:, N[f"foot_{side}"]] - positions[:, N[f"ankle_{side}"]]
         pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
         standing = contacts[:, k] & np.isfinite(pitch)

@@ -13,6 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import r2
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.retarget.cyclic import CyclicFit
@@ -273,7 +274,7 @@ def _bout_row(one: Bout, fit: CyclicFit, selection: Selection) -> dict[str, Any]
 
 
 def _stance(motion: Motion) -> dict[str, float | None]:
-    return {side: _n(motion.contacts[:, k].mean()) for k, side in enumerate(("left", "right"))}
+    return {side: _n(motion.contacts[:, k].mean()) for k, side in enumerate(SIDES)}
 
 
 def _subject(positions: Array) -> dict[str, float | None]:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.files.store import content_hash
-from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion

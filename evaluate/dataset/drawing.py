@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 
 _POSES = 3
@@ -17,9 +17,9 @@ _INDEX = {name: place for place, name in enumerate(NODES)}
 _LIMBS = (
     ("hip_center", "spine", "shoulder_center", "head"),
     *(("shoulder_center", *(f"{joint}_{side}" for joint in ("shoulder", "elbow", "wrist", "hand")))
-      for side in ("left", "right")),
+      for side in SIDES),
     *(("hip_center", *(f"{joint}_{side}" for joint in ("hip", "knee", "ankle", "foot")))
-      for side in ("left", "right")),
+      for side in SIDES),
 )  # fmt: skip
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
 from kinemimic.evaluate.scoring.metrics.scores import FIT_FRAMES, rollout_fits
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
-from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.parallel.executor import Executor, ordered_map
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import joint_angles

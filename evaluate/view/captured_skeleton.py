@@ -25,10 +25,10 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.files.validation.tables import numbers, read_table
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, SIDES, TRACKED
 from kinemimic.retarget.feet.scale import length_scale
 
-LEGS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle") for side in ("left", "right")]
+LEGS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle") for side in SIDES]
 # Colour (red, green, blue, opacity) and radius in metres of a joint. Inferred joints are larger than the
 # bones, in a colour that no humanoid has.
 LOOKS = {TRACKED: (0xF0F0F0FF, 0.018), INFERRED: (0xFF50C8FF, 0.028), MISSING: (0, 0.0)}

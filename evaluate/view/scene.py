@@ -14,7 +14,7 @@ import rerun as rr
 from kinemimic.evaluate.film.figures import COLORS, NAMES, REFERENCE, SIMULATED, Humanoid
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES, SIDES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -24,7 +24,6 @@ TIMELINE = "time"
 SCENES = ("overlaid", "beside")
 APART = 1.1  # m between the humanoids of `beside`
 GROUND_COLOR = (90, 90, 90)
-FEET = ("left", "right")
 SMOOTHING = 30  # frames over which a view's path is averaged, so that it does not sway with the hips
 
 
@@ -85,7 +84,7 @@ def log_curves(stream: rr.RecordingStream, trajectory: Trajectory, rollout: int)
     for k, body in enumerate(BODIES[1:]):
         line = rr.SeriesLines(names=body.name)
         _log_series(stream, f"torque/{body.name}", times, trajectory.torques[rollout, :, k], line)
-    for side in FEET:
+    for side in SIDES:
         up = trajectory.contact_forces[rollout, :, BODY_INDEX[f"foot_{side}"], 2]
         _log_series(stream, f"ground/{side}", times, up, rr.SeriesLines(names=side))
 

@@ -8,10 +8,9 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.body_fit.body import POINT_INDEX
 from kinemimic.pipeline.body_fit.observed import Observed
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
-FEET: tuple[int, ...] = tuple(
-    POINT_INDEX[f"{name}_{side}"] for side in ("left", "right") for name in ("heel", "foot")
-)
+FEET: tuple[int, ...] = tuple(POINT_INDEX[f"{name}_{side}"] for side in SIDES for name in ("heel", "foot"))
 # Metres a second, of a person of average height: a foot on the floor is slower, one in a stride ten times
 # as fast.
 _SLOW = 0.3

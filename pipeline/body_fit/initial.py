@@ -10,6 +10,7 @@ from kinemimic.pipeline.body_fit.body import LENGTHS, POINT_INDEX, SEGMENTS
 from kinemimic.pipeline.body_fit.camera import SceneCamera
 from kinemimic.pipeline.body_fit.observed import Observed
 from kinemimic.pipeline.body_fit.pose import Poses, place, rotation_of
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 N = POINT_INDEX
 # Seconds over which the distance from the camera, which is rough, is averaged.
@@ -18,9 +19,7 @@ _DISTANCE_SPAN = 0.15
 _STRAIGHT = 0.2
 _FLOOR_PERCENTILE = 5.0
 _LEGS = tuple(
-    (f"{a}_{side}", f"{b}_{side}")
-    for side in ("left", "right")
-    for a, b in (("hip", "knee"), ("knee", "instep"))
+    (f"{a}_{side}", f"{b}_{side}") for side in SIDES for a, b in (("hip", "knee"), ("knee", "instep"))
 )
 
 
@@ -64,7 +63,7 @@ def first_poses(
     poses = _posed(world)
     if not lift:
         return poses, camera
-    feet = [N[f"{name}_{side}"] for name in ("heel", "foot") for side in ("left", "right")]
+    feet = [N[f"{name}_{side}"] for name in ("heel", "foot") for side in SIDES]
     lowest = place(poses, factors, height).points[:, feet, 2].min(axis=1)
     floor = float(np.percentile(lowest, _FLOOR_PERCENTILE))
     lifted = SceneCamera(camera.size, camera.focal, camera.height - floor, camera.pitch, camera.roll)
@@ -99,7 +98,7 @@ def _posed(p: Array) -> Poses:
     ears = (p[:, N["ear_left"]] + p[:, N["ear_right"]]) / 2.0
     frames[:, 2] = _frame(ears - shoulders, p[:, N["ear_left"]] - p[:, N["ear_right"]])
     k = 3
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle, heel, toe = (
             p[:, N[f"{j}_{side}"]] for j in ("hip", "knee", "instep", "heel", "foot")
         )
@@ -107,7 +106,7 @@ def _posed(p: Array) -> Poses:
         # The sole's plane is poorly seen: the foot points forward, and its side is the shank's.
         frames[:, k + 2] = _pointing(toe - heel, frames[:, k + 1, :, 1])
         k += 3
-    for side in ("left", "right"):
+    for side in SIDES:
         shoulder, elbow, wrist = (p[:, N[f"{j}_{side}"]] for j in ("shoulder", "elbow", "wrist"))
         frames[:, k], frames[:, k + 1], hinges[:, k + 1] = _limb(shoulder, elbow, wrist, frames[:, 1], -1.0)
         k += 2

@@ -22,6 +22,7 @@ from kinemimic.pipeline.body_fit.normal_equations import NormalEquations
 from kinemimic.pipeline.body_fit.observed import Observed
 from kinemimic.pipeline.body_fit.pose import Placed, Poses, vector_of
 from kinemimic.pipeline.body_fit.settings import ACCELERATIONS, POINT_ERRORS, FitSettings
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 SHARED = len(LENGTHS) + len(CAMERA_UNKNOWNS)
 # Pairs whose difference in depth is compared: the bones, and the widths of hips and shoulders.
@@ -30,7 +31,7 @@ BONES: tuple[tuple[str, str], ...] = (
     ("shoulder_left", "shoulder_right"),
     *(
         (f"{a}_{side}", f"{b}_{side}")
-        for side in ("left", "right")
+        for side in SIDES
         for a, b in (
             ("hip", "knee"),
             ("knee", "instep"),

@@ -14,10 +14,10 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 CONSTANT = 1e-9  # rad
 SCORED_JOINTS: tuple[str, ...] = ("knee", "hip")
-SIDES: tuple[str, ...] = ("left", "right")
 
 
 def paired(reference: Array, simulated: Array) -> tuple[Array, Array]:

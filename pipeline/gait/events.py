@@ -19,9 +19,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 
-SIDES: tuple[str, str] = ("left", "right")
 _POINTS = tuple(N[f"{joint}_{side}"] for joint in ("hip", "ankle") for side in SIDES)
 
 RATE = 100.0  # Hz of the even clock: 30 Hz would put a foot strike 17 ms off

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.events import SIDES, FootEvents, detect_foot_events
+from kinemimic.pipeline.gait.events import FootEvents, detect_foot_events
 from kinemimic.pipeline.gait.footprints import footprints
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
 
 # A stride that deviates more from its pass' period, or from the median of all strides, is from starting,

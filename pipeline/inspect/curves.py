@@ -17,12 +17,12 @@ from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.inspect.file_report import InspectedFile
-from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, available_nodes
+from kinemimic.pipeline.inspect.measures import SEGMENTS, available_nodes
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, SIDES
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
 _TEMPLATES = Path(__file__).with_name("templates")

@@ -11,8 +11,8 @@ from rich.text import Text
 
 from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number, percent
 from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, REFUSED
-from kinemimic.pipeline.inspect.measures import SIDES
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.quality.rules.defect import RULES
 
 Report = dict[str, Any]

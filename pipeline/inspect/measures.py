@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orientation.rest_pose import recorded_knees
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, SIDES, TRACKED
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics
 
@@ -28,7 +28,6 @@ SEGMENTS: dict[str, tuple[str, str]] = {
     "forearm": ("elbow_{}", "wrist_{}"),
     "trunk": ("hip_center", "shoulder_center"),
 }
-SIDES: tuple[str, str] = ("left", "right")
 # Thigh plus shank as a share of the stature: 0.245 + 0.246 (Drillis and Contini 1966; Winter 2009, fig. 4.1).
 LEG_TO_STATURE = 0.491
 # Percentile of peaks and ranges: ignores single outlier frames.

@@ -9,6 +9,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_two_axes, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 # The four curves that are scored.
 ANGLES: tuple[str, ...] = ("knee_left", "knee_right", "hip_left", "hip_right")
@@ -118,7 +119,7 @@ def leg_angles(
         frame[seen] = pelvis_frame(
             p[seen, N["hip_left"]], p[seen, N["hip_right"]], p[seen, N["hip_center"]], p[seen, N["spine"]]
         )
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle = (p[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         steady = steady_leg(p[:, N["hip_left"]] - p[:, N["hip_right"]], knee - hip, ankle - knee)
         name = f"knee_{side}"

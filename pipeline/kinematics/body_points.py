@@ -11,7 +11,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 
 
@@ -28,7 +28,7 @@ def place(points: Array, name: str) -> Array:
     if name in NODE_INDEX:
         return points[:, NODE_INDEX[name]]
     joint = name.removesuffix("s")
-    left, right = (points[:, NODE_INDEX[f"{joint}_{side}"]] for side in ("left", "right"))
+    left, right = (points[:, NODE_INDEX[f"{joint}_{side}"]] for side in SIDES)
     return np.asarray(0.5 * (left + right))
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice, product
 
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 
 # Per node the names to look for, best first, in lower case without punctuation. A * stands for the side:
 # "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. A name in the middle may
@@ -138,9 +138,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
     ),
 }
 # Required; everything else follows from these and one node of the trunk.
-REQUIRED: tuple[str, ...] = tuple(
-    f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
-)
+REQUIRED: tuple[str, ...] = tuple(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle"))
 # What to do about joints that are not found.
 HOW_TO_NAME = "rename the joints, for instance to LeftUpLeg, LeftLeg, LeftFoot, RightUpLeg and so on"
 # Between the parts of a name.

@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.joint_names import (
     normalised,
 )
 from kinemimic.pipeline.kinematics.proportions import complete
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, TRACKED
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES, TRACKED
 
 # Metres; nodes nearer to each other have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
@@ -32,7 +32,7 @@ _BEYOND: dict[str, str] = {
 _SANE: tuple[tuple[str, str, float, float], ...] = (
     *(
         (start.format(side), end.format(side), low, high)
-        for side in ("left", "right")
+        for side in SIDES
         for start, end, low, high in (
             ("hip_{}", "knee_{}", 0.18, 0.65),
             ("knee_{}", "ankle_{}", 0.18, 0.60),
@@ -87,7 +87,7 @@ def joints_of(clip: Clip) -> dict[str, int]:
     found = joints_by_name(clip.skeleton.names)
     lacking = [node for node in REQUIRED if node not in found]
     if not lacking and not {"spine", "shoulder_center"} & found.keys():
-        lacking = [f"shoulder_{side}" for side in ("left", "right") if f"shoulder_{side}" not in found]
+        lacking = [f"shoulder_{side}" for side in SIDES if f"shoulder_{side}" not in found]
     if lacking:
         names = clip.skeleton.names
         raise KinemimicError(
@@ -108,7 +108,7 @@ def _take_pelvis(clip: Clip, found: dict[str, int]) -> None:
     """Take the joint that both thighs hang from for hip_center, if no joint of that name is nearer to the
     hips: Blender's root is called "spine", and a "root" may be the origin of the scene.
     """
-    left, right = (ancestors(clip.skeleton.parents, found[f"hip_{side}"]) for side in ("left", "right"))
+    left, right = (ancestors(clip.skeleton.parents, found[f"hip_{side}"]) for side in SIDES)
     shared = next((joint for joint in left if joint in right), None)
     # A tree that was drawn up for a table without a pelvis hangs the thighs from its only spine.
     if shared is None or (shared == found.get("spine") and not _trunk(clip, found, shared)):

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, SIDES
 from kinemimic.pipeline.kinematics.vectors import perpendicular, unit
 
 # Shares of stature.
@@ -28,7 +28,6 @@ HAND = 0.08
 # Distance of the hip joints as a share of the leg, thigh and shank: the usual one (0.20 to 0.25 in optical
 # captures of nine people), and more than in any other collection (0.30).
 HIPS, WIDEST_HIPS = 0.22, 0.32
-_SIDES = ("left", "right")
 _HIPS = ("hip_left", "hip_right")
 _ENDS = ("hip_center", "shoulder_center")
 
@@ -36,7 +35,7 @@ _ENDS = ("hip_center", "shoulder_center")
 def stature(positions: Array) -> float:
     """Stature in metres from the median leg in positions (T, 20, 3); NaN if no frame shows a leg."""
     legs = []
-    for side in _SIDES:
+    for side in SIDES:
         hip, knee, ankle = (positions[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         length = np.linalg.norm(hip - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)
         legs.append(length[np.isfinite(length)])
@@ -117,7 +116,7 @@ Rule = tuple[str, tuple[str, ...], Array]
 def _rules(body: _Body, found: set[str]) -> Iterator[Rule]:
     """Each missing node, the nodes it follows from, its positions (T, 3); later rules use earlier ones."""
     yield from (rule for rule in _trunk(body, found) if rule[0] not in found)
-    for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         yield from (rule for rule in _limbs(body, found, side, sign) if rule[0] not in found)
 
 

@@ -32,6 +32,8 @@ NODES: tuple[str, ...] = (
     "foot_right",
 )
 NODE_INDEX: dict[str, int] = {name: index for index, name in enumerate(NODES)}
+# Left comes first in every array with one entry per side, such as the contacts of the feet.
+SIDES: tuple[str, str] = ("left", "right")
 
 # Skeletal layers of Fig. 4; the JSON is grouped by them.
 LAYERS: dict[str, tuple[str, ...]] = {
@@ -54,7 +56,7 @@ BONES: tuple[tuple[str, str], ...] = (
     ("shoulder_center", "head"),
     *(
         (a.format(side), b.format(side))
-        for side in ("left", "right")
+        for side in SIDES
         for a, b in (
             ("shoulder_center", "shoulder_{}"),
             ("shoulder_{}", "elbow_{}"),

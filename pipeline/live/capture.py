@@ -9,6 +9,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.live.playout import Playout
 from kinemimic.pipeline.live.recogniser import Reading, Recogniser
@@ -22,7 +23,7 @@ FORGET = 0.5
 _PENDING = 64  # frames kept until the sender is recognised
 # Frames in a row that are too far apart, or too close, before the unit of their times is in doubt.
 _APART, _CLOSE = 10, 40
-_LEGS = [N[f"{joint}_{side}"] for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
+_LEGS = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
 
 
 @dataclass(frozen=True)

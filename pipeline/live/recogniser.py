@@ -15,7 +15,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.proportions import complete, hip_narrowing, narrow_hips
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.live.layouts import LAYOUTS
@@ -96,9 +96,7 @@ class Recogniser:
             )
         if self.reading is None:
             positions, _ = on_nodes(frame, layout)
-            needed = [
-                N[f"{joint}_{side}"] for side in ("left", "right") for joint in ("hip", "knee", "ankle")
-            ]
+            needed = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
             if np.isfinite(positions[[*needed, N["shoulder_center"]]]).all():
                 self._seen.append(positions)
             if len(self._seen) >= FIRST:

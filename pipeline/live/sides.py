@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.quality.rules.swapped_limbs import (
     CHANGE_PENALTY,
     LIMBS,
@@ -40,7 +40,7 @@ _MIRROR = np.array(
     ]
 )
 _PAIRS = {
-    limb: np.array([[N[f"{joint}_{side}"] for side in ("left", "right")] for joint in joints])
+    limb: np.array([[N[f"{joint}_{side}"] for side in SIDES] for joint in joints])
     for limb, joints in LIMBS.items()
 }
 
@@ -141,7 +141,7 @@ def front_evidence(positions: Array, velocity: Array) -> Array:
         return np.full(3, np.nan)
     front = front / size
     knees, weights, toes = 0.0, 0.0, list[float]()
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle, toe = (
             positions[N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle", "foot")
         )

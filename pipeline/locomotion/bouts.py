@@ -16,6 +16,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.even_clock import RATE
 from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, is_precise, leg_angles, leg_bones
 from kinemimic.pipeline.locomotion.pass_gait import PassGait, gait_of_pass, without_standing
@@ -136,7 +137,7 @@ def _legs(gait: PassGait, level: Array, bones: Array, *, precise: bool) -> tuple
     running = is_running_pose(ahead, gait.phase, RATE)
     seen = [
         gait.even.seen[:, [N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]].all(axis=1)
-        for side in ("left", "right")
+        for side in SIDES
     ]
     impossible = impossible_legs(ahead, bones, running=running, precise=precise)
     return leg_angles(ahead), impossible | ~np.stack(seen, axis=1)
@@ -148,7 +149,7 @@ def _is_bout(span: Span) -> bool:
     if span.precise and span.feet.backward and span.path.source == "feet":
         return False
     ahead = along_heading(span.level - span.root[:, None], span.heading)
-    reaches = [float(np.std(ahead[span.walking, N[f"ankle_{side}"], 0])) for side in ("left", "right")]
+    reaches = [float(np.std(ahead[span.walking, N[f"ankle_{side}"], 0])) for side in SIDES]
     share = len(span.inside) / len(span.gait.even.times)
     return is_walk(span.strides, span.path, span.speed, share, reaches)
 

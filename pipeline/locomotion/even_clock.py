@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.kinematics.spans import all_finite
 
 RATE = 60.0  # Hz
@@ -52,7 +52,7 @@ def even_pass(times: Array, positions: Array) -> EvenPass | None:
         for axis in range(3):
             line = np.interp(clock, times[known], positions[known, node, axis])
             out[:, node, axis] = gaussian_filter1d(line, width, mode="nearest")
-    for side in ("left", "right"):
+    for side in SIDES:
         foot, ankle = N[f"foot_{side}"], N[f"ankle_{side}"]
         if np.isnan(out[:, foot]).any():
             out[:, foot] = out[:, ankle]

@@ -8,6 +8,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.angles import hip_flexion, knee_flexion
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 # Degrees; a walking knee peaks at 50 to 75, a running one at 90 to 125.
 KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
@@ -21,11 +22,7 @@ MAX_BONE_DEVIATION = 0.30  # of a leg bone from its median length; beyond it, a 
 
 def leg_bones(positions: Array) -> Array:
     """Lengths (T, 4) in metres: left thigh, left shank, right thigh, right shank."""
-    ends = [
-        (f"{a}_{side}", f"{b}_{side}")
-        for side in ("left", "right")
-        for a, b in (("hip", "knee"), ("knee", "ankle"))
-    ]
+    ends = [(f"{a}_{side}", f"{b}_{side}") for side in SIDES for a, b in (("hip", "knee"), ("knee", "ankle"))]
     return np.stack(
         [np.linalg.norm(positions[:, N[b]] - positions[:, N[a]], axis=-1) for a, b in ends], axis=-1
     )
@@ -46,7 +43,7 @@ def leg_angles(positions: Array) -> Array:
     positions: (T, 20, 3) with X ahead and Z up.
     """
     out = []
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         thigh, shank = knee - hip, ankle - knee
         across = np.linalg.norm(np.cross(thigh, shank), axis=-1)
@@ -68,7 +65,7 @@ def impossible_legs(positions: Array, bones: Array, *, running: bool, precise: b
     lateral = np.array([0.0, 1.0, 0.0])
     stretched = np.abs(leg_bones(positions) / bones - 1.0) > MAX_BONE_DEVIATION
     wrong = []
-    for k, side in enumerate(("left", "right")):
+    for k, side in enumerate(SIDES):
         hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         seen = (
             np.isfinite(hip).all(axis=-1) & np.isfinite(knee).all(axis=-1) & np.isfinite(ankle).all(axis=-1)

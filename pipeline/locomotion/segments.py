@@ -13,6 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
 from kinemimic.pipeline.locomotion.path.heading import body_heading
@@ -20,9 +21,7 @@ from kinemimic.pipeline.locomotion.path.heading import body_heading
 MIN_DURATION = 0.5  # s
 TURN = np.radians(90.0)  # between the headings before and after
 STILL = 0.15  # m/s, median speed of hips, knees, ankles and wrists of a person who stands
-_MOVING = tuple(
-    N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle", "wrist") for side in ("left", "right")
-)
+_MOVING = tuple(N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle", "wrist") for side in SIDES)
 _TIMES = re.compile(r"\s*(\d+(?:\.\d*)?)\s*-\s*(\d+(?:\.\d*)?)\s*")
 
 

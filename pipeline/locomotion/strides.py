@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.path.heading import along_heading
 from kinemimic.pipeline.locomotion.phase.fourier import design
 from kinemimic.pipeline.locomotion.phase.frames import frames_between
@@ -79,9 +80,7 @@ def cut_strides(
     transitions: the half strides next to standing, which become strides of their own.
     """
     hips = place(positions, "hips")
-    ankles = [
-        along_heading(positions[:, N[f"ankle_{side}"]] - hips, heading)[:, 0] for side in ("left", "right")
-    ]
+    ankles = [along_heading(positions[:, N[f"ankle_{side}"]] - hips, heading)[:, 0] for side in SIDES]
     trunk = positions[:, N["shoulder_center"]] - hips
     lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
     found = []

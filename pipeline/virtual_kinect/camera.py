@@ -9,6 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 # Focal length in pixels of the Kinect v1 SDK's depth image: NUI_CAMERA_DEPTH_NOMINAL_FOCAL_LENGTH_IN_PIXELS
 # at 320 x 240.
@@ -19,13 +20,12 @@ OCCLUSION_DEPTH = 0.06
 
 # Occluding limbs: ends, radius in metres, and further joints that they do not occlude because they carry
 # them.
-_SIDES = ("left", "right")
 _LIMBS: tuple[tuple[str, str, float, tuple[str, ...]], ...] = (
     ("hip_center", "shoulder_center", 0.13, ("spine", "hip_left", "hip_right", "head")),
-    *(("hip_" + side, "knee_" + side, 0.075, ("hip_center",)) for side in _SIDES),
-    *(("knee_" + side, "ankle_" + side, 0.055, ("foot_" + side,)) for side in _SIDES),
-    *(("shoulder_" + side, "elbow_" + side, 0.05, ("shoulder_center",)) for side in _SIDES),
-    *(("elbow_" + side, "wrist_" + side, 0.04, ("hand_" + side,)) for side in _SIDES),
+    *(("hip_" + side, "knee_" + side, 0.075, ("hip_center",)) for side in SIDES),
+    *(("knee_" + side, "ankle_" + side, 0.055, ("foot_" + side,)) for side in SIDES),
+    *(("shoulder_" + side, "elbow_" + side, 0.05, ("shoulder_center",)) for side in SIDES),
+    *(("elbow_" + side, "wrist_" + side, 0.04, ("hand_" + side,)) for side in SIDES),
 )
 # The sensor's model fit never reports these trunk joints as inferred (0 to 0.2 % in real recordings).
 TRUNK: list[int] = [N[name] for name in ("hip_center", "spine", "shoulder_center", "hip_left", "hip_right")]

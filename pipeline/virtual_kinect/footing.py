@@ -13,12 +13,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, from_rotvec, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES, Skeleton
 from kinemimic.pipeline.virtual_kinect.subject import Gait
 
-_HIPS, _KNEES, _ANKLES = (
-    [N[f"{joint}_{side}"] for side in ("left", "right")] for joint in ("hip", "knee", "ankle")
-)
+_HIPS, _KNEES, _ANKLES = ([N[f"{joint}_{side}"] for side in SIDES] for joint in ("hip", "knee", "ankle"))
 # Heel and toe in the ankle's frame, metres; the lower one of them carries the foot.
 _SOLE = np.array([[-0.05, 0.0, -0.05], [0.12, 0.0, -0.05]])
 # Metres by which a foot must be higher than the other to carry a third of the weight of the lower one.

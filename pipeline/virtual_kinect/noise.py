@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask, States
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, SIDES, TRACKED
 from kinemimic.pipeline.virtual_kinect.camera import TRUNK, Camera, occluded
 
 # Lateral white noise that is independent per joint, at the reference distance, in mm.
@@ -175,7 +175,7 @@ def _narrow_hips(joints: Array, heading: Array, camera: Camera, levels: NoiseLev
 
 def _drop_feet(joints: Array, levels: NoiseLevels) -> Array:
     """Feet that point down even in stance (42 to 62 degrees in real recordings)."""
-    for side in ("left", "right"):
+    for side in SIDES:
         ankle, foot = NODE_INDEX[f"ankle_{side}"], NODE_INDEX[f"foot_{side}"]
         sole = joints[:, foot] - joints[:, ankle]
         flat = np.hypot(sole[:, 0], sole[:, 1])
@@ -201,7 +201,7 @@ def _disturb_edges(seen: Array, states: States, levels: NoiseLevels, rng: np.ran
     """Disturb the legs as the subject enters and leaves, when the sensor has not found them or loses them."""
     counts = rng.integers(levels.edge_frames[0], levels.edge_frames[1] + 1, size=2)
     edges = np.r_[np.arange(counts[0]), np.arange(len(seen) - counts[1], len(seen))]
-    for side in ("left", "right"):
+    for side in SIDES:
         knee, ankle, foot = (NODE_INDEX[f"{kind}_{side}"] for kind in _LEG)
         error = levels.edge * rng.standard_normal((len(edges), 2, 3))
         for number, joint in ((0, knee), (1, ankle), (1, foot)):

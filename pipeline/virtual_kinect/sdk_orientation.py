@@ -19,7 +19,14 @@ from kinemimic.pipeline.kinematics.rotations import (
     multiply,
     rotate,
 )
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES, Skeleton, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import (
+    NODE_INDEX,
+    NODE_PARENTS,
+    NODES,
+    SIDES,
+    Skeleton,
+    node_skeleton,
+)
 
 # Angle of a foot's bone below the horizontal at rest, radians.
 FOOT_REST = np.radians(15.0)
@@ -31,7 +38,7 @@ _LIMBS: tuple[tuple[str, str, str, str, float], ...] = tuple(
         ("shoulder", "elbow", "wrist", "hand", -1.0),
         ("hip", "knee", "ankle", "foot", 1.0),
     )
-    for side in ("left", "right")
+    for side in SIDES
 )
 
 

@@ -10,11 +10,9 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.kinematics.rotations import to_rotvec
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
 from kinemimic.pipeline.readers.mocap.deepmimic import BALLS, COLUMNS, HINGES, ROOT, offsets
 from kinemimic.pipeline.writers.poses import Poses
-
-_SIDES = ("left", "right")
 
 
 def write_deepmimic(path: Path, poses: Poses, *, loop: bool) -> None:
@@ -37,7 +35,7 @@ def write_deepmimic(path: Path, poses: Poses, *, loop: bool) -> None:
 def deepmimic_frames(poses: Poses) -> Array:
     """Frames (T, 44): seconds to the next frame, root, quaternions w first, hinges in radians."""
     positions, _ = poses.kinematics()
-    hips = np.mean([positions[:, NODE_INDEX[f"hip_{side}"]] for side in _SIDES], axis=0)
+    hips = np.mean([positions[:, NODE_INDEX[f"hip_{side}"]] for side in SIDES], axis=0)
     x, y, z = (_legs(offsets()) / _legs(poses.skeleton.offsets) * hips).T
     rows = np.zeros((len(poses.rotations), COLUMNS))
     rows[:-1, 0] = 1.0 / poses.rate  # zero in the last frame, as in the published files
@@ -52,5 +50,5 @@ def deepmimic_frames(poses: Poses) -> Array:
 
 def _legs(offsets_of_nodes: Array) -> float:
     """Length of thigh plus shank, summed over both sides, in metres, from offsets (20, 3)."""
-    bones = [NODE_INDEX[f"{joint}_{side}"] for joint in ("knee", "ankle") for side in _SIDES]
+    bones = [NODE_INDEX[f"{joint}_{side}"] for joint in ("knee", "ankle") for side in SIDES]
     return float(np.linalg.norm(offsets_of_nodes[bones], axis=-1).sum())

@@ -14,7 +14,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.validation.tables import numbers
 from kinemimic.pipeline.kinematics.rotations import normalize
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.retarget.dataset.columns import DATASET_SCHEMA, FRAME_COLUMNS, MOTIONS, schema_of
 from kinemimic.retarget.humanoid.body import node_offsets
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -90,7 +90,7 @@ def read_motion(
         root, rotations = (
             _lists(table, column, width) for column, width in (("root_m", 3), ("rotations_xyzw", _WIDTH))
         )
-        contacts = np.stack([numbers(table, f"contact_{side}", "b") for side in ("left", "right")], axis=1)
+        contacts = np.stack([numbers(table, f"contact_{side}", "b") for side in SIDES], axis=1)
         return Motion(
             rate=rate,
             root=root,

@@ -10,6 +10,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.normative import FOOT_OFF, normative_band
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.feet.legs import foot_phases, lean_and_yaw, until_clear
 from kinemimic.retarget.feet.scale import body_kinematics
 
@@ -38,7 +39,7 @@ def normal_feet(rotations: Array, phase: Array) -> Array:
 def _with_ankles(rotations: Array, phase: Array, lifts: Array) -> Array:
     out = rotations.copy()
     frames = body_kinematics(rotations)[1]
-    for side, stride, lift in zip(("left", "right"), foot_phases(phase), lifts, strict=True):
+    for side, stride, lift in zip(SIDES, foot_phases(phase), lifts, strict=True):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         pitch = lean - normative_band("ankle", stride)[0]

@@ -12,6 +12,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_rotvec, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import BODY_CENTERS, BODY_MASSES, BODY_NODES, TOTAL_MASS
@@ -78,7 +79,7 @@ def leaned(rotations: Array, root: Array, turn: Array, about: Array | None = Non
     every = np.broadcast_to(turn, rotations[:, 0].shape)
     turned, path = rotations.copy(), about + rotate(every, root - about)
     turned[:, 0] = multiply(every, rotations[:, 0])
-    for side in ("left", "right"):
+    for side in SIDES:
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         turned[:, ankle] = multiply(conjugate(multiply(every, frames[:, knee])), frames[:, ankle])
     return turned, path

@@ -9,6 +9,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
@@ -33,7 +34,7 @@ def limit_knee_extension(rotations: Array) -> Array:
     the foot's orientation are kept: as the knee flexes, the thigh leans forward in proportion.
     """
     out = rotations.copy()
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
         angle = to_rotvec(rotations[:, knee])[:, 1]
         # A smooth maximum keeps the curve smooth.
@@ -60,7 +61,7 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
 
 def _with_neutral_ankles(rotations: Array, frames: Array, phase: Array, lifts: Array) -> Array:
     out = rotations.copy()
-    for side, stance, lift in zip(("left", "right"), foot_phases(phase), lifts, strict=True):
+    for side, stance, lift in zip(SIDES, foot_phases(phase), lifts, strict=True):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         # Flat from heel-down to heel-off: 10 to 36 % of the stride.
@@ -107,7 +108,7 @@ def flat_feet(rotations: Array) -> Array:
     """
     out = rotations.copy()
     frames = body_kinematics(rotations)[1]
-    for side in ("left", "right"):
+    for side in SIDES:
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         pitch = lean + np.clip(-lean, *LOADED_ANKLE_RANGE)

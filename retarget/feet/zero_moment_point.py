@@ -29,6 +29,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.balance import centre_of_mass
@@ -189,7 +190,7 @@ def _displaced(motion: Motion, displacement: Array) -> Motion:
     phase = np.arange(len(moved)) / len(moved)
     contact = fourier.fit(phase, motion.contacts.astype(np.float64), CONTACT_HARMONICS)
     still = np.clip(fourier.evaluate(contact, phase), 0.0, 1.0)
-    for foot, side in enumerate(("left", "right")):
+    for foot, side in enumerate(SIDES):
         hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
         way = positions[:, ankle] - positions[:, hip] - moved * still[:, foot, None]
         thigh, shank = np.linalg.norm(offsets[knee]), np.linalg.norm(offsets[ankle])

@@ -12,7 +12,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.json_layout import layout
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.files.validation.schema import upgraded
-from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES
+from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES, SIDES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.motion_check import check_motion
 
@@ -60,9 +60,7 @@ def motion_to_json(motion: Motion) -> str:
         "simulated_capture": motion.simulated,
         "provenance": motion.provenance,
         "root": {"node": NODES[0], "positions": _rounded(motion.root)},
-        "contacts": {
-            side: motion.contacts[:, k].astype(int).tolist() for k, side in enumerate(("left", "right"))
-        },
+        "contacts": {side: motion.contacts[:, k].astype(int).tolist() for k, side in enumerate(SIDES)},
         "layers": layers,
     }
     return layout(document) + "\n"
@@ -103,9 +101,9 @@ def read_motion_json(path: Path) -> Motion:
         rate=rate,
         root=root,
         rotations=rotations,
-        contacts=np.stack(
-            [document.array(f"contacts.{side}", (frames,)) for side in ("left", "right")], axis=-1
-        ).astype(bool),
+        contacts=np.stack([document.array(f"contacts.{side}", (frames,)) for side in SIDES], axis=-1).astype(
+            bool
+        ),
         cyclic=document.value("cyclic", bool),
         cycle_offset=document.array("cycle_offset", (3,)),
         offsets=offsets,

@@ -21,8 +21,8 @@ from zstandard import ZstdDecompressor, ZstdError
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import continuous
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.formats.write_mcap import BASE_FRAME, METADATA_NAME, NODE_FRAMES, SIDES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
+from kinemimic.retarget.formats.write_mcap import BASE_FRAME, METADATA_NAME, NODE_FRAMES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.motion_check import check_motion
 

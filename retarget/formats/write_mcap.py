@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES, SIDES
 from kinemimic.retarget.formats.urdf import humanoid_urdf
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -38,7 +38,6 @@ END_FRAMES: dict[str, str] = {
 }
 # Node -> frame name; a link's frame is that of its node.
 NODE_FRAMES: dict[str, str] = {body.node: body.name for body in BODIES} | END_FRAMES
-SIDES = ("left", "right")
 # Readers of MCAP expect times since 1970; a fixed start keeps the file a function of the motion alone.
 START_NS = 946_684_800 * 10**9  # 2000-01-01
 CYCLIC_SECONDS = 10.0  # a cycle is repeated for this long; a longer cycle is written once

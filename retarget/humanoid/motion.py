@@ -14,7 +14,7 @@ from kinemimic.pipeline.files.store import content_hash
 from kinemimic.pipeline.kinematics.angles import ANGLES, hip_flexion
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, rotate, to_rotvec
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES, node_skeleton
 from kinemimic.retarget.humanoid.body import node_offsets
 
 
@@ -109,7 +109,7 @@ def joint_angles(rotations: Array) -> dict[str, Array]:
     """
     curves: dict[str, Array] = {}
     down = np.array([0.0, 0.0, -1.0])
-    for side in ("left", "right"):
+    for side in SIDES:
         curves[f"knee_{side}"] = to_rotvec(rotations[..., NODE_INDEX[f"knee_{side}"], :])[..., 1]
         thigh = rotations[..., NODE_INDEX[f"hip_{side}"], :]
         curves[f"hip_{side}"] = hip_flexion(

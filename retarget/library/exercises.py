@@ -23,7 +23,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     multiply,
     rotate,
 )
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
@@ -64,7 +64,6 @@ RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, f
 }
 CALM = 0.35  # probability that a joint rests near its neutral pose
 _MIRROR = np.array([-1.0, 1.0, -1.0])
-_SIDES = ("left", "right")
 
 
 @dataclass
@@ -148,7 +147,7 @@ def _balanced(rotations: Array, feet: _Feet, height: Array, sway: Array) -> Arra
 
 def _hips(pelvis: Array, root: Array) -> Array:
     """Hip joints (T, 2, 3)."""
-    offsets = np.stack([node_offsets()[NODE_INDEX[f"hip_{side}"]] for side in _SIDES])
+    offsets = np.stack([node_offsets()[NODE_INDEX[f"hip_{side}"]] for side in SIDES])
     return root[:, None] + rotate(pelvis[:, None], np.broadcast_to(offsets, (len(root), 2, 3)))
 
 
@@ -166,7 +165,7 @@ def _set_legs(rotations: Array, root: Array, feet: _Feet) -> None:
     thigh, shank = (-node_offsets()[NODE_INDEX[f"{joint}_left"]][2] for joint in ("knee", "ankle"))
     pelvis = rotations[:, 0]
     hips = _hips(pelvis, root)
-    for k, side in enumerate(_SIDES):
+    for k, side in enumerate(SIDES):
         way = feet.ankles[:, k] - hips[:, k]
         far = np.clip(np.linalg.norm(way, axis=-1), 0.2, thigh + shank - 1e-3)
         bend = np.pi - np.arccos((thigh**2 + shank**2 - far**2) / (2.0 * thigh * shank))

@@ -24,7 +24,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     normalize,
     to_rotvec,
 )
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.ground import fit_root_path
@@ -99,7 +99,7 @@ def _counterpart(name: str) -> int:
 
 _COUNTERPARTS = np.array([_counterpart(name) for name in NODES])
 _ARMS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "elbow", "wrist") for side in _OTHER]
-_FLEXED = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee") for side in ("left", "right")]
+_FLEXED = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee") for side in SIDES]
 
 
 def plausible_variant(

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.feet.legs import STANCE_ANKLE_RANGE, SWING_TOE_LIFT, lean_and_yaw
 
 # Metres of an ankle above the lower one between which the sole leaves the ground.
@@ -26,7 +27,7 @@ def with_neutral_ankles(rotations: Array, frames: Array, heights: Array, rate: f
     """
     out = rotations.copy()
     above = heights - heights.min(axis=1, keepdims=True)
-    for k, side in enumerate(("left", "right")):
+    for k, side in enumerate(SIDES):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         loaded = np.clip((LEFT - above[:, k]) / (LEFT - LEAVES), 0.0, 1.0)

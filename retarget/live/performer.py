@@ -10,7 +10,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.live.capture import Moment
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.surface import lowest_points
@@ -28,7 +28,7 @@ STANDING_KNEE = 0.1  # rad: straight knees would lock
 def standing() -> Array:
     """Local rotations (20, 4) of a person who stands, facing +X."""
     rotations = np.tile(IDENTITY, (len(NODES), 1))
-    for side in ("left", "right"):
+    for side in SIDES:
         rotations[N[f"hip_{side}"]] = from_axis_angle("Y", -0.5 * STANDING_KNEE)
         rotations[N[f"knee_{side}"]] = from_axis_angle("Y", STANDING_KNEE)
         rotations[N[f"ankle_{side}"]] = from_axis_angle("Y", -0.5 * STANDING_KNEE)

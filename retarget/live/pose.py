@@ -22,7 +22,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     rotate,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.pipeline.live.capture import Moment
 from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
@@ -92,11 +92,11 @@ class LivePose:
         frames = self._frames(ahead)
         feet = self._feet_are_seen(ahead, filled, now)
         if feet:
-            for k, side in enumerate(("left", "right")):
+            for k, side in enumerate(SIDES):
                 ankle = N[f"ankle_{side}"]
                 frames[:, ankle] = multiply(frames[:, ankle], from_axis_angle("Y", -self._pitch[k]))
         else:
-            for side in ("left", "right"):
+            for side in SIDES:
                 frames[:, N[f"ankle_{side}"]] = frames[:, N[f"knee_{side}"]]
         rotations = self._without_missing(local_rotations(frames))
         if not self.reliability.precise:
@@ -150,7 +150,7 @@ class LivePose:
 
     def _feet_are_seen(self, ahead: Array, filled: Array, now: int) -> bool:
         """Whether the feet are measured: flat on the ground where they stand, in a precise capture."""
-        for k, side in enumerate(("left", "right")):
+        for k, side in enumerate(SIDES):
             ankle = filled[:, N[f"ankle_{side}"]]
             speed = self._rate * np.linalg.norm(np.gradient(ankle[:, :2], axis=0), axis=-1)
             low = ankle[:, 2] - ankle[:, 2].min() < 0.04
@@ -193,7 +193,7 @@ def mixed(start: Array, end: Array, share: float) -> Array:
 
 def _since_seen(moment: Moment) -> tuple[Array, int]:
     """Positions (M, 20, 3) from the first row with both legs on, and the row of the moment."""
-    legs = [N[f"{joint}_{side}"] for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
+    legs = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
     first = int(np.argmax(np.isfinite(moment.positions[:, legs]).all(axis=(1, 2))))
     # Differences need two rows.
     first = max(0, min(first, len(moment.positions) - 3))

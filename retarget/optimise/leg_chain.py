@@ -14,11 +14,11 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import to_matrix
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import node_offsets, sole_corners
 from kinemimic.retarget.optimise.tangent import exponential
 
 UNKNOWNS = 20
-SIDES = ("left", "right")
 ROOT_POSITION, ROOT_ROTATION = slice(0, 3), slice(3, 6)
 _LEG_UNKNOWNS = 7
 # Columns of each leg in x, left then right, and of each joint.

@@ -25,7 +25,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.retarget.feet.contact import find_stances
 from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, clamp_to_limits, swing_twist
 from kinemimic.retarget.humanoid.motion import Motion
@@ -36,7 +36,6 @@ from kinemimic.retarget.optimise.leg_chain import (
     JOINT_COLUMNS,
     ROOT_POSITION,
     ROOT_ROTATION,
-    SIDES,
     UNKNOWNS,
     leg_chain,
     leg_jacobian,

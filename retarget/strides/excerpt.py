@@ -11,6 +11,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, leg_bones
 from kinemimic.pipeline.locomotion.phase.harmonic import walking_direction
@@ -51,7 +52,7 @@ def excerpt_of_bout(bout: Bout, *, straighten: bool) -> Excerpt:
     bones = np.nanmedian(leg_bones(positions), axis=0)
     middle = 0.5 * (positions[:, [N["hip_left"]]] + positions[:, [N["hip_right"]]])
     bad = impossible_legs(positions - middle, bones, running=bout.running, precise=bout.precise)
-    for k, side in enumerate(("left", "right")):
+    for k, side in enumerate(SIDES):
         for joint in ("knee", "ankle", "foot"):
             positions[bad[:, k], N[f"{joint}_{side}"]] = np.nan
     yaw = np.zeros(len(bout.frames)) if straighten else bout.heading - bout.heading[0]

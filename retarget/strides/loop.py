@@ -22,7 +22,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     multiply,
     to_rotvec,
 )
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.phase import fourier
 
@@ -36,7 +36,7 @@ ARM_HARMONICS, TRUNK_HARMONICS = 3, 4
 MIN_HARMONICS = 3  # of a node's rotation; with too few frames for them, the node gets no series
 HINGE_CHAINS: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
-    for side in ("left", "right")
+    for side in SIDES
     for hinge, joints in (("knee", ("hip", "knee", "ankle")), ("elbow", ("shoulder", "elbow", "wrist")))
 }
 MIRROR_NODES: NDArray[np.intp] = np.array(
@@ -106,7 +106,7 @@ def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> PooledFrames:
         p = one.positions[used]
         states = np.where(np.isfinite(p).all(axis=-1), clip.states[one.frames[used]], 0)
         weights = STATE_WEIGHTS[states]
-        for k, side in enumerate(("left", "right")):
+        for k, side in enumerate(SIDES):
             for joint in LEG:
                 weights[~legs[used, k], NODE_INDEX[f"{joint}_{side}"]] = 0.0
         phase = one.phase[used]

@@ -16,6 +16,7 @@ from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, node_frames
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.strides.loop import PooledFrames, mean_rotation
@@ -115,7 +116,7 @@ def _pelvis_pitch(strides: PooledFrames, lean: float) -> float:
     """
     at = np.arange(60) / 60.0
     back = []
-    for side in ("left", "right"):
+    for side in SIDES:
         thigh = strides.positions[:, N[f"knee_{side}"]] - strides.positions[:, N[f"hip_{side}"]]
         angle = np.arctan2(thigh[:, 0], -thigh[:, 2])
         seen = np.isfinite(angle) & (strides.weights[:, N[f"knee_{side}"]] > 0)
@@ -137,7 +138,7 @@ def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
     frames = node_frames(
         points, pelvis=None if reliability.pelvis else pelvis, torso=None if reliability.torso else torso
     )
-    for side, pitch in zip(("left", "right"), reliability.foot_pitch, strict=True):
+    for side, pitch in zip(SIDES, reliability.foot_pitch, strict=True):
         ankle, knee = N[f"ankle_{side}"], N[f"knee_{side}"]
         if reliability.feet:
             frames[:, ankle] = multiply(frames[:, ankle], from_axis_angle("Y", -pitch))
@@ -153,7 +154,7 @@ def knees_in_sagittal_plane(positions: Array) -> Array:
     degrees, which would swing the feet.
     """
     out = positions.copy()
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         normal = np.cross(ankle - hip, np.array([1.0, 0.0, 0.0]))
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)

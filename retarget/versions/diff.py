@@ -18,6 +18,7 @@ from kinemimic.pipeline.convert import read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import FORMAT, Canonical
 from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.dataset.index_table import is_dataset
 from kinemimic.retarget.formats.motion_json import MOTION_FORMAT, read_motion_json
 from kinemimic.retarget.versions.build import STAGES, canonical_motion
@@ -31,7 +32,6 @@ _COUNTED = ("states", "passes", "contacts", "cyclic", "parents")
 _OF_SKELETON = ("offsets", "rests", "parents")
 # Changes of a whole array or of the facts about it, without a measured difference.
 _WHOLE = ("fact", "array", "shape")
-_SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _array_changes(name: str, one: Array, other: Array, joints: Sequence[str]) -
     elif one.ndim > 1 and one.shape[1] == len(joints):
         labels = joints
     elif name == "contacts":
-        labels = _SIDES
+        labels = SIDES
     else:
         apart, differs = apart.reshape(-1, 1), differs.reshape(-1, 1)
     for column, label in enumerate(labels):

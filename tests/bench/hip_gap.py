@@ -215,7 +215,7 @@ def train_one(name: str, seed: int, source: Path, out: Path) -> None:
 def measured(played: Trajectory, motion: Motion) -> dict[str, Any]:
     """Gaps in degrees: largest over the frames, median of the start phases; of the mean cycle, with its sign
     and its place in percent of the cycle after the foot's own landing."""
-    from kinemimic.pipeline.gait.curve_metrics import SIDES
+    from kinemimic.pipeline.kinematics.skeleton import SIDES
     from kinemimic.retarget.humanoid.body import BODIES
     from kinemimic.retarget.humanoid.motion import joint_angles
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from kinemimic.pipeline.files.validation.records import RecordError
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.train.scenario.scenario import Scenario
 
 # Weights of the joints in the pose error, by the body that the joint moves; they sum to one.
@@ -14,7 +15,7 @@ POSE_WEIGHTS: dict[str, float] = {
     "torso": 0.08,
     "head": 0.02,
     **{f"{limb}_{side}": weight
-       for side in ("left", "right")
+       for side in SIDES
        for limb, weight in (("upper_arm", 0.03), ("forearm", 0.02), ("hand", 0.01),
                             ("thigh", 0.13), ("shin", 0.11), ("foot", 0.05))},
 }  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.reference.reference import Reference
@@ -19,7 +20,6 @@ from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch
 TURNS = 3 * len(BODIES)  # of the pelvis, then of the joints, as in an action
 FIRST_JOINT = TURNS - ACTIONS  # after the turn of the pelvis
 _FLEXION = 1  # axis of a joint
-SIDES = ("left", "right")
 
 
 def joint(name: str) -> int:

@@ -14,10 +14,10 @@ from collections.abc import Callable
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control.corrections import (
-    SIDES,
     Corrections,
     Errors,
     joint,

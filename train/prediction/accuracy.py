@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.prediction.fit import NOISY_NOW, NOW, windows
@@ -60,7 +61,7 @@ def accuracy(
 def _knees_and_hips(rotations: Array) -> Array:
     """Angles (..., 2 joints, 2 sides) of rotations (..., 20, 4), rad."""
     curves = joint_angles(rotations)
-    pairs = [[curves[f"{joint}_{side}"] for side in ("left", "right")] for joint in ("knee", "hip")]
+    pairs = [[curves[f"{joint}_{side}"] for side in SIDES] for joint in ("knee", "hip")]
     return np.moveaxis(np.array(pairs), (0, 1), (-2, -1))
 
 

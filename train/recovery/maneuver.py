@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 
@@ -15,9 +16,9 @@ _ROLL, _PITCH, _YAW = range(3)
 # The joints that take a step: trunk, hips, knees and ankles. Arms and head hardly matter.
 _TURNS = {
     "torso": (_ROLL, _PITCH),
-    **{f"thigh_{side}": (_ROLL, _PITCH, _YAW) for side in ("left", "right")},
-    **{f"shin_{side}": (_PITCH,) for side in ("left", "right")},
-    **{f"foot_{side}": (_ROLL, _PITCH) for side in ("left", "right")},
+    **{f"thigh_{side}": (_ROLL, _PITCH, _YAW) for side in SIDES},
+    **{f"shin_{side}": (_PITCH,) for side in SIDES},
+    **{f"foot_{side}": (_ROLL, _PITCH) for side in SIDES},
 }
 # Columns of an action that a maneuver changes.
 COLUMNS = [3 * (BODY_INDEX[body] - 1) + axis for body, axes in _TURNS.items() for axis in axes]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.phase.fourier import design
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import joint_angles
@@ -22,7 +23,6 @@ from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control.corrections import (
     FIRST_JOINT,
     JOINTS,
-    SIDES,
     TURNS,
     Corrections,
     put_back,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, SIDES
 from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -22,7 +22,7 @@ CLIMB = 0.25  # m, of the hip between start and end
 # Radians of a path, with a climb of so many metres in the capture. People walk up a ramp almost as on level
 # ground; paths steeper than one in eight, the steepest ramps that are built for walking, are stairs.
 STEEP = np.arctan(1.0 / 8.0)
-_PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in ("left", "right")), "head"]
+_PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in SIDES), "head"]
 
 
 def without_strides(motion: Motion, report: Mapping[str, Any] | None = None) -> bool:

@@ -15,7 +15,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.gait import adults, normative
 from kinemimic.pipeline.gait.curves import CYCLE
-from kinemimic.pipeline.gait.events import SIDES
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 Json = Mapping[str, Any]
 

@@ -11,8 +11,8 @@ from kinemimic.evaluate.scoring.metrics.gait_norms import NORMS
 from kinemimic.evaluate.scoring.metrics.gait_subjects import GaitSubject, reference, simulated
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curves import curve_statistics, over_cycle
-from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.parameters import normalised, parameters, symmetry_index
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 

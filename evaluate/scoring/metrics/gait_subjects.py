@@ -18,7 +18,6 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip
-from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.knee_axis import off_axis, off_axis_of_fitted_hinge
 from kinemimic.pipeline.gait.parameters import Gait, measure_gait
 from kinemimic.pipeline.kinematics.angles import leg_angles
@@ -27,7 +26,7 @@ from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.nodes import derived_nodes, shows_feet
 from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, SIDES
 from kinemimic.pipeline.plural import plural
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles, node_kinematics

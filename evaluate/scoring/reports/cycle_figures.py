@@ -23,9 +23,9 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.gait.curves import CYCLE
-from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.normative import normative_band
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.train.rollout.trajectory import Trajectory
 
 

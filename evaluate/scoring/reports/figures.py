@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
-from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE

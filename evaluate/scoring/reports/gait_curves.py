@@ -12,7 +12,7 @@ from kinemimic.evaluate.scoring.metrics.gait_norms import NORMS, Json
 from kinemimic.evaluate.scoring.reports.figures import CAPTURED, REFERENCE, SIMULATED
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.gait.curves import CYCLE
-from kinemimic.pipeline.gait.events import SIDES
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 # Distinct in colour, dash and width, and hence also in greyscale print.
 _LINES: Mapping[str, dict[str, Any]] = {

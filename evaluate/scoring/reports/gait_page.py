@@ -14,7 +14,7 @@ from typing import Any
 from kinemimic.evaluate.scoring.metrics.gait_norms import NORMS, Json
 from kinemimic.evaluate.scoring.reports.gait_curves import curves
 from kinemimic.pipeline.cli.html import number, render
-from kinemimic.pipeline.gait.events import SIDES
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 NO_VALUE = number(None, 0)
 

@@ -22,6 +22,7 @@ from kinemimic.evaluate.scoring.reports.gait_page import gait_values
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.quality.stored import read_gimbal, read_quality
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -49,7 +50,6 @@ _STAGES: Mapping[str, str] = {
 }
 # The page has three colours.
 LEVELS: Mapping[str, str] = {"good": "good", "fair": "partial", "poor": "bad", "falls": "bad"}
-_SIDES = ("left", "right")
 _SPREAD = ("min", "median", "max")
 _SPREAD_MEASURES = ("r2", "r2_upright", "rmse_deg")
 # Of `TRACKING_MEASURES`.
@@ -135,7 +135,7 @@ def _strides(subjects: Mapping[str, Any]) -> str:
     """Whose strides the mean cycle is of; a humanoid that falls has few, or none."""
     if "simulated" not in subjects:
         return "the reference's strides; the humanoid completed none"
-    left, right = (subjects["simulated"]["strides"][side] for side in _SIDES)
+    left, right = (subjects["simulated"]["strides"][side] for side in SIDES)
     return f"all strides (the humanoid's: {left} left, {right} right)"
 
 
@@ -171,7 +171,7 @@ def _by_side(measure: str, fits: Mapping[str, Any]) -> list[str]:
     label, digits = LABELS[measure]
     return [
         label,
-        *(number(fits[joint][side][measure], digits) for joint in SCORED_JOINTS for side in _SIDES),
+        *(number(fits[joint][side][measure], digits) for joint in SCORED_JOINTS for side in SIDES),
     ]
 
 
@@ -211,7 +211,7 @@ def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "tracking": errors,
         "scores": rows,
-        "sides": [f"{joint} {side}" for joint in SCORED_JOINTS for side in _SIDES],
+        "sides": [f"{joint} {side}" for joint in SCORED_JOINTS for side in SIDES],
         "by_side": [_by_side(measure, fit) for measure in MEASURES],
         "spread": [f"{joint} {one}" for joint in SCORED_JOINTS for one in _SPREAD],
         "phases": spread,

@@ -23,7 +23,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     rotate,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, SIDES
 
 # Radians by which the line from ankle to toe of a flat foot points below the horizontal.
 FOOT_DROP = 0.205
@@ -78,7 +78,7 @@ def node_frames(
     frames[:, N["spine"]] = _first(known[:, N["spine"]], torso_frames(p)) if torso is None else torso
     head = _swung(frames[:, N["spine"]], _UP, direction(p, "shoulder_center", "head"))
     frames[:, N["shoulder_center"]] = _first(known[:, N["shoulder_center"]], head)
-    for side in ("left", "right"):
+    for side in SIDES:
         for limb, parent, joints in (
             ("leg", "hip_center", ("hip", "knee", "ankle", "foot")),
             ("arm", "spine", ("shoulder", "elbow", "wrist", "hand")),

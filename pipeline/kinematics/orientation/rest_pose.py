@@ -30,7 +30,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, SIDES, Skeleton
 from kinemimic.pipeline.kinematics.spans import all_finite
 
 # A joint's frame is accepted if it agrees with the positions to this (rms, radians).
@@ -46,7 +46,7 @@ _CARRIES: dict[str, tuple[str, ...]] = {
     "shoulder_center": ("head",),
     **{
         f"{start}_{side}": (f"{end}_{side}",)
-        for side in ("left", "right")
+        for side in SIDES
         for start, end in (
             ("shoulder", "elbow"),
             ("elbow", "wrist"),
@@ -122,7 +122,7 @@ def recorded_knees(clip: Clip) -> dict[str, Array]:
         return {}
     # Rotations are about the axes of the file.
     lateral = rotate(conjugate(clip.world_from_file), np.array([0.0, 1.0, 0.0]))
-    knees = (f"knee_{side}" for side in ("left", "right"))
+    knees = (f"knee_{side}" for side in SIDES)
     return {knee: to_rotvec(local[:, names.index(knee)]) @ lateral for knee in knees}
 
 
@@ -215,7 +215,7 @@ def _visible(node: str, positions: Array) -> Array:
     """How well positions show the twist of the segment at a node, 0 to 1 (T,): of a limb, by its bend."""
     joint, _, side = node.partition("_")
     chain = {"shoulder": "arm", "elbow": "arm", "hip": "leg", "knee": "leg"}.get(joint)
-    if chain is None or side not in ("left", "right"):
+    if chain is None or side not in SIDES:
         return np.ones(len(positions))
     first, hinge, last = ("shoulder", "elbow", "wrist") if chain == "arm" else ("hip", "knee", "ankle")
     upper = direction(positions, f"{first}_{side}", f"{hinge}_{side}")
@@ -251,9 +251,7 @@ def _rest(clip: Clip) -> Array | None:
     places, frames = forward_kinematics(clip.skeleton, offsets, turned)
     found = joints_of(clip)
     # Upward along each leg, in a standing skeleton.
-    chains = [
-        [found.get(f"{joint}_{side}") for joint in ("ankle", "knee", "hip")] for side in ("left", "right")
-    ]
+    chains = [[found.get(f"{joint}_{side}") for joint in ("ankle", "knee", "hip")] for side in SIDES]
     steps = [(a, b) for chain in chains for a, b in pairwise(chain) if a is not None and b is not None]
     ups = [places[0, b] - places[0, a] for a, b in steps]
     stands = all(up[2] > 0.8 * np.linalg.norm(up) for up in ups)

@@ -7,6 +7,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 FLAT = (0.08, 0.36)  # phases since the foot was farthest ahead, in which it lies flat
 ANKLE_HEIGHT = 0.08  # m above the sole
@@ -21,7 +22,7 @@ def ground_height(positions: Array, phase: Array, *, follow: bool) -> Array:
     otherwise one height. Stairs and slopes become level where it follows.
     """
     places, heights = [], []
-    for foot, side in enumerate(("left", "right")):
+    for foot, side in enumerate(SIDES):
         own = phase + 0.5 * foot
         flat = (np.mod(own, 1.0) > FLAT[0]) & (np.mod(own, 1.0) < FLAT[1])
         for number in np.unique(np.floor(own[flat])):

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 
 # Seconds (standard deviation of a Gaussian) over which the line of the ankles and the front are averaged: a
 # stride cancels what the pelvis and the noise of one frame do.
@@ -61,7 +62,7 @@ def _averaged_heading(positions: Array, rate: float) -> tuple[Array, Array]:
 def _front(positions: Array) -> Complex:
     """Horizontal vectors (T,) in metres to the front of the body."""
     front = np.zeros(len(positions), dtype=np.complex128)
-    for side in ("left", "right"):
+    for side in SIDES:
         hip, knee, ankle, toe = (
             positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle", "foot")
         )

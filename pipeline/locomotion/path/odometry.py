@@ -16,9 +16,8 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.path.upright import center_of_mass
-
-SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.path.heading import along_heading
 
 # Shares of the body's mass, and the two nodes between whose middles each segment's centre lies (Dempster 1955
@@ -21,7 +22,7 @@ _SEGMENTS: tuple[tuple[float, str, str], ...] = (
     (0.081, "shoulder_center", "head"),
     *(
         (share, f"{start}_{side}", f"{end}_{side}")
-        for side in ("left", "right")
+        for side in SIDES
         for share, start, end in (
             (0.028, "shoulder", "elbow"),
             (0.022, "elbow", "wrist"),

@@ -11,7 +11,7 @@ import numpy as np
 from kinemimic.pipeline.kinematics.angles import HYPEREXTENSION, anatomical_knee, knee_flexion, steady_leg
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, SIDES
 from kinemimic.pipeline.kinematics.spans import frame_runs, pass_spans
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -23,7 +23,7 @@ def detect(clip: Clip) -> list[Defect]:
     across = between(points, "hip_right", "hip_left")
     flipped, kept = np.zeros((2, len(points), 2), dtype=np.bool_)
     deepest = [0.0, 0.0]
-    for k, side in enumerate(("left", "right")):
+    for k, side in enumerate(SIDES):
         hip, knee, ankle = (points[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         raw = knee_flexion(hip, knee, ankle, across)
         for span in pass_spans(clip.passes):
@@ -47,7 +47,7 @@ def detect(clip: Clip) -> list[Defect]:
     if kept.any():
         sides = [
             f"{side} knee to {-np.degrees(deepest[k]):.0f}° in {plural(int(kept[:, k].sum()), 'frame')}"
-            for k, side in enumerate(("left", "right"))
+            for k, side in enumerate(SIDES)
             if kept[:, k].any()
         ]
         text = f"hyperextension: {', '.join(sides)}; bones and hips are steady, so it is kept as recorded"

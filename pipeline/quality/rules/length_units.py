@@ -13,6 +13,7 @@ from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.kinematics.joint_names import HOW_TO_NAME, REQUIRED, joints_by_name, listed
 from kinemimic.pipeline.kinematics.nodes import ancestors
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Name -> metres. "CMU" is the inch of the CMU library divided by the 0.45 of its skeleton files.
@@ -91,7 +92,7 @@ def infer_unit(
     some = offsets[:: len(offsets) // _SAMPLE_FRAMES + 1]
     bones = [
         np.median(np.linalg.norm(some[:, joint], axis=-1))
-        for side in ("left", "right")
+        for side in SIDES
         for joint in _below(found[f"hip_{side}"], found[f"ankle_{side}"], parents)
     ]
     leg = float(sum(bones)) / 2.0

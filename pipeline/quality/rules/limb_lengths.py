@@ -14,6 +14,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import between, length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
 
@@ -52,7 +53,7 @@ def detect(clip: Clip) -> list[Defect]:
     bones = {
         f"{side} {bone}": length(points, f"{start}_{side}", f"{end}_{side}")
         for bone, (start, end) in _BONES.items()
-        for side in ("left", "right")
+        for side in SIDES
     }
     return _impossible(points, bones) + _drifting(bones)
 
@@ -67,9 +68,7 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
     ]
     thigh, shank = (0.5 * (medians[f"left {bone}"] + medians[f"right {bone}"]) for bone in ("thigh", "shank"))
     leg = thigh + shank
-    spread = max(
-        _spread(bones[f"{side} {bone}"]) for side in ("left", "right") for bone in ("thigh", "shank")
-    )
+    spread = max(_spread(bones[f"{side} {bone}"]) for side in SIDES for bone in ("thigh", "shank"))
     intro = ""
     if not wrong and leg < CHILD_LEG and spread > RIGID_SPREAD:
         if not _within(thigh / shank, CHILD_THIGH_TO_SHANK):

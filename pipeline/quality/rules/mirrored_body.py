@@ -18,6 +18,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import to_matrix
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 
@@ -100,7 +101,7 @@ def foot_and_knee_directions(clip: Clip) -> tuple[Array, Array]:
     left = unit(left)
     feet: list[Array] = []
     knees: list[Array] = []
-    for side in ("left", "right"):
+    for side in SIDES:
         feet.append(np.sum(unit(between(points, f"ankle_{side}", f"foot_{side}")) * forward, axis=-1))
         thigh = unit(between(points, f"hip_{side}", f"knee_{side}"))
         shank = unit(between(points, f"knee_{side}", f"ankle_{side}"))

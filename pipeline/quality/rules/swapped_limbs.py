@@ -13,6 +13,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -69,7 +70,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
 
 def _pairs(found: dict[str, int], joints: tuple[str, ...]) -> list[tuple[int, int]]:
     """Indices (left, right) of the joints that the skeleton has on both sides."""
-    sides = (tuple(found.get(f"{joint}_{side}", -1) for side in ("left", "right")) for joint in joints)
+    sides = (tuple(found.get(f"{joint}_{side}", -1) for side in SIDES) for joint in joints)
     return [(left, right) for left, right in sides if left >= 0 and right >= 0]
 
 

@@ -16,6 +16,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.body_points import bend, between, length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -102,7 +103,7 @@ def ankle_speed(points: Array, times: Array) -> float:
 
 def usual_bend(points: Array) -> float:
     """95th percentile of the bend of both knees in points (T, 20, 3), radians; 0 if unknown."""
-    bends = np.concatenate([bend(points, side) for side in ("left", "right")])
+    bends = np.concatenate([bend(points, side) for side in SIDES])
     finite = bends[np.isfinite(bends)]
     return float(np.percentile(finite, 95.0)) if len(finite) else 0.0
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.body_points import length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import (
@@ -27,7 +28,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     legs = [
         median(length(points, f"hip_{side}", f"knee_{side}"))
         + median(length(points, f"knee_{side}", f"ankle_{side}"))
-        for side in ("left", "right")
+        for side in SIDES
     ]
     leg = float(np.nanmean(legs)) if np.isfinite(legs).any() else float("nan")
     if np.isnan(leg) or leg == 0.0 or LEG_RANGE[0] <= leg <= LEG_RANGE[1]:

@@ -14,7 +14,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import bend, between, nodes_of, place
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, rotate
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 
@@ -96,7 +96,7 @@ def _stands(points: Array, up: Array) -> bool:
     hips = place(points, "hips")
     if _travel(hips - np.outer(hips @ up, up)) > MIN_WALK:
         return True
-    ankles = [points[:, NODE_INDEX[f"ankle_{side}"]] for side in ("left", "right")]
+    ankles = [points[:, NODE_INDEX[f"ankle_{side}"]] for side in SIDES]
     beside = [ankle - hips for ankle in ankles]
     beside = [way - np.outer(way @ up, up) for way in beside]
     apart = beside[0] - beside[1]
@@ -109,7 +109,7 @@ def _stands(points: Array, up: Array) -> bool:
         return True
     lowered = _travel((hips @ up)[:, None])
     planted = max(_travel(ankle) for ankle in ankles)
-    bends = [_travel(bend(points, side)[:, None]) for side in ("left", "right")]
+    bends = [_travel(bend(points, side)[:, None]) for side in SIDES]
     return lowered > max(MIN_SQUAT_DEPTH, 2.0 * planted) and min(bends) > MIN_SQUAT_KNEE_RANGE
 
 

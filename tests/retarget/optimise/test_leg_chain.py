@@ -7,11 +7,11 @@ import pytest
 
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.optimise.leg_chain import (
     LEG_COLUMNS,
-    SIDES,
     UNKNOWNS,
     leg_chain,
     leg_jacobian,

@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES, node_skeleton
 
 # Standing upright with hanging arms, facing +X: offsets from the parents of NODE_PARENTS, in NODES' sequence.
 OFFSETS = np.array(
@@ -28,7 +28,6 @@ OFFSETS = np.array(
         [0, -0.09, -0.08], [0, 0, -0.42], [0, 0, -0.4], [0.12, 0, -0.02494],
     ]
 )  # fmt: skip
-SIDES = ("left", "right")
 
 
 def positions_of(rotations):
