@@ -30,6 +30,7 @@ from kinemimic.pipeline.files.store import copy_file
 from kinemimic.pipeline.parallel.cluster import cluster
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
+from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
 from kinemimic.train.config.config import TrainConfig
@@ -62,56 +63,26 @@ def compare(
     Finished results are kept and interrupted training runs resume. A cell that fails is listed under
     `failed`; the others continue.
     """
-    engine, limits = resolve(engine), limits or {}
+    engine = resolve(engine)
     motions = {task.name: task.motion for task in tasks}
     if len(motions) < len(tasks):
         raise KinemimicError(
             f"expected tasks with different names, found {', '.join(task.name for task in tasks)}: rename one"
         )
-    for name, limit in limits.items():
-        if limit not in budgets:
-            raise KinemimicError(
-                f"--limit {name}: expected one of the budgets, {', '.join(f'{one:,}' for one in budgets)} "
-                f"samples, found {limit:,}"
-            )
-    at = {
-        name: tuple(budget for budget in budgets if budget <= limits.get(name, budget)) for name in variants
-    }
+    scored_at = _budgets_of(variants, budgets, limits or {})
     cells = [
         Cell(task.run, motions[task.name].identity, task.name, variant,
-             replace(task.configured(config), seed=seed), at[variant], out, engine, anyway)
+             replace(task.configured(config), seed=seed), scored_at[variant], out, engine, anyway)
         for seed in range(seeds)
         for variant, config in variants.items()
         for task in tasks
     ]  # fmt: skip
-    made: dict[str, Any] = {
-        "schema": COMPARE_SCHEMA,
-        "tasks": {task.name: task_summary(task, motions[task.name]) for task in tasks},
-        "provenance": provenance(
-            "compare",
-            inputs={name: motion.identity for name, motion in motions.items()},
-            config={
-                "variants": {name: config.to_json() for name, config in variants.items()},
-                "seeds": seeds,
-                "budgets": {name: list(few) for name, few in at.items()},
-                "engine": engine,
-            },
-        ),
-    }
     if any(config.baseline for config in variants.values()):
         require_package()
-        made["provenance"]["versions"]["stable-baselines3"] = version("stable-baselines3")
+    header = _header(tasks, motions, variants, seeds=seeds, budgets=scored_at, engine=engine)
     with exclusive(out), bars() as several:
-        for task in tasks:
-            there = out / task.name / MOTION
-            if there.exists() and read_motion_json(there).identity != motions[task.name].identity:
-                raise KinemimicError(
-                    f"{out}: expected a comparison on the same motions, found another {task.name}; name "
-                    "another --out"
-                )
-        for task in tasks:
-            copy_file(task.run / MOTION, out / task.name / MOTION)
-        ledger = Ledger(out, cells, made)
+        _copy_motions(tasks, motions, out)
+        ledger = Ledger(out, cells, header)
         watcher = ProgressBars(several, ledger)
         try:
             if ray is None:
@@ -124,6 +95,63 @@ def compare(
             ledger.write()
             raise KeyboardInterrupt(f"{out}: run the same command again to resume") from None
         return ledger.write()
+
+
+def _budgets_of(
+    variants: Iterable[str], budgets: Sequence[int], limits: Mapping[str, int]
+) -> dict[str, tuple[int, ...]]:
+    """Variant -> the budgets at which it is scored; KinemimicError for a limit that is none of them."""
+    for name, limit in limits.items():
+        if limit not in budgets:
+            raise KinemimicError(
+                f"--limit {name}: expected one of the budgets, {', '.join(f'{one:,}' for one in budgets)} "
+                f"samples, found {limit:,}"
+            )
+    return {
+        name: tuple(budget for budget in budgets if budget <= limits.get(name, budget)) for name in variants
+    }
+
+
+def _header(
+    tasks: Sequence[Task],
+    motions: Mapping[str, Motion],
+    variants: Mapping[str, TrainConfig],
+    *,
+    seeds: int,
+    budgets: Mapping[str, Sequence[int]],
+    engine: str,
+) -> dict[str, Any]:
+    """What compare.json says before any result: what is compared, and from what."""
+    made = provenance(
+        "compare",
+        inputs={name: motion.identity for name, motion in motions.items()},
+        config={
+            "variants": {name: config.to_json() for name, config in variants.items()},
+            "seeds": seeds,
+            "budgets": {name: list(few) for name, few in budgets.items()},
+            "engine": engine,
+        },
+    )
+    if any(config.baseline for config in variants.values()):
+        made["versions"]["stable-baselines3"] = version("stable-baselines3")
+    return {
+        "schema": COMPARE_SCHEMA,
+        "tasks": {task.name: task_summary(task, motions[task.name]) for task in tasks},
+        "provenance": made,
+    }
+
+
+def _copy_motions(tasks: Sequence[Task], motions: Mapping[str, Motion], out: Path) -> None:
+    """Copy each task's motion; KinemimicError, before any copy, if the folder has another one's results."""
+    for task in tasks:
+        copy = out / task.name / MOTION
+        if copy.exists() and read_motion_json(copy).identity != motions[task.name].identity:
+            raise KinemimicError(
+                f"{out}: expected a comparison on the same motions, found another {task.name}; name "
+                "another --out"
+            )
+    for task in tasks:
+        copy_file(task.run / MOTION, out / task.name / MOTION)
 
 
 def increasing(value: str) -> tuple[int, ...]:
@@ -140,6 +168,20 @@ def layers(value: str) -> tuple[int, ...]:
     if not units or min(units) < 1:
         raise click.BadParameter(f"expected sizes such as 128,64, found {value!r}", param_hint="'--hidden'")
     return units
+
+
+def _variants(
+    presets: Sequence[str], searched: Sequence[str], only: Sequence[str], *, ablated: bool
+) -> dict[str, TrainConfig]:
+    """What is trained: presets, an ablation and searches; `only` restricts the latter two."""
+    chosen = presets or (() if ablated or searched else ("default",))
+    variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
+    for baseline in searched:
+        variants |= search(baseline)
+    _expect_names("--only", only, variants)
+    if not only:
+        return variants
+    return {name: config for name, config in variants.items() if name in (*only, *presets)}
 
 
 def _with_layers(variants: Mapping[str, TrainConfig], hidden: tuple[str, ...]) -> dict[str, TrainConfig]:
@@ -217,19 +259,12 @@ def command(
       kinemimic compare runs/walk runs/run --seeds 5
       kinemimic compare runs/walk@several-obstacles --preset default --preset ddpg --limit ddpg=3e5
     """
-    chosen = presets or (() if ablated or searched else ("default",))
-    variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
-    for baseline in searched:
-        variants |= search(baseline)
     if ray is not None and jobs is not None:
         raise click.UsageError("--jobs: expected none with --ray, which uses every core of the cluster")
-    _expect_names("--only", only, variants)
-    if only:
-        variants = {name: config for name, config in variants.items() if name in (*only, *presets)}
-    _expect_names("--limit", limits, variants)
     if hidden and ablated:
         raise click.UsageError("--hidden: expected no --ablation, which varies the layers itself")
-    variants = _with_layers(variants, hidden)
+    variants = _with_layers(_variants(presets, searched, only, ablated=ablated), hidden)
+    _expect_names("--limit", limits, variants)
     result = compare(
         [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
         jobs=jobs, engine=engine, anyway=anyway, ray=ray,

@@ -34,11 +34,11 @@ def exclusive(out: Path) -> Iterator[None]:
 class Ledger:
     """The cells of a comparison and their results so far.
 
-    failed: cell name -> one-line error.
+    header: what compare.json says beside the results; failed: cell name -> one-line error.
     """
 
-    def __init__(self, out: Path, cells: Sequence[Cell], made: Mapping[str, Any]) -> None:
-        self._out, self._made = out, made
+    def __init__(self, out: Path, cells: Sequence[Cell], header: Mapping[str, Any]) -> None:
+        self._out, self._header = out, header
         self.cells, self.failed = cells, dict[str, str]()
 
     def finished(self, cell: Cell) -> dict[int, tuple[dict[str, Any], dict[str, Any]]]:
@@ -74,7 +74,7 @@ class Ledger:
             if found := self.finished(cell):
                 furthest.setdefault((cell.task, cell.variant), []).append(found[max(found)][0])
         content = {
-            **self._made,
+            **self._header,
             "summary": summary(rows),
             "curves": curves(furthest),
             "cells": rows,
