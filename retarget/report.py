@@ -45,64 +45,15 @@ def cyclic_report(
     bouts: all of the capture; closed, fit: before and after refinement; balance: None if the root was not
     displaced for it.
     """
-    motion, path = fit.motion, fit.path
-    expected = fit.scale * fit.loop.speed
-    gait = "run" if is_running(path.speed) else "walk"
-    ranges = {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()}
-    cadence = 120.0 / motion.duration
     report = {
         "schema": GAIT_SCHEMA,
-        "kind": gait,
-        "simulated_capture": clip.simulated,
-        "cyclic": True,
-        "period_s": _n(motion.duration),
-        "cadence_steps_per_min": _n(cadence),
-        "speed_m_s": _n(path.speed),
-        "speed_capture_m_s": _n(fit.loop.speed),
-        "speed_scaled_m_s": _n(expected),
-        "stride_m": _n(path.speed * motion.duration),
-        "stance_ratio": _stance(motion),
-        "range_deg": ranges,
-        "strides_used": _n(selection.strides),
-        "strides_found": _n(sum(one.cycles for one in bouts)),
-        "strides_left_out": why_strides_are_left_out(selection.bouts),
-        "frames_used": len(fit.strides.phase),
-        "path": _path(selection.bouts),
-        "climb": _climb(climb_of(clip, selection.bouts)),
+        **_gait(clip, bouts, selection, fit),
         **departures(fit),
         "r2_loop_against_capture": _r2(fit),
         "bouts": [_bout_row(one, fit, selection) for one in bouts],
-        "symmetric": fit.symmetric,
-        "asymmetry_deg": _n(fit.asymmetry_deg),
-        "noise_deg": _n(fit.noise_deg),
-        "asymmetry_limit_deg": _n(fit.asymmetry_limit_deg),
-        "reliability": {
-            "precise": fit.reliability.precise,
-            "pelvis": fit.reliability.pelvis,
-            "torso": fit.reliability.torso,
-            "feet": fit.reliability.feet,
-            **{name: _n(value) for name, value in fit.reliability.measured.items()},
-        },
+        **_averaging(fit),
         "subject": _subject(fit.strides.positions),
-        "scale": _n(fit.scale),
-        "stance_width_m": _n(fit.width),
-        "abduction_deg": _n(np.degrees(fit.abduction)),
-        "balance": None
-        if balance is None
-        else {
-            "outside_m": _n(balance.outside),
-            "outside_before_m": _n(balance.outside_before),
-            "displacement_m": _n(balance.displacement),
-        },
-        "ground": {
-            "height_shift_m": _n(path.shift),
-            "follows_foot": path.follows,
-            "penetration_m": _n(path.penetration),
-            "floating_m": _n(path.floating),
-            "swing_clearance_m": _n(path.clearance),
-            "slip_m_s": _n(path.slip),
-            "slip_recorded_m_s": _n(path.slip_recorded),
-        },
+        **_on_the_ground(fit, balance),
         **{
             name: {
                 **_measures(measure(one.motion, one.strides.positions, one.strides.phase)),
@@ -113,6 +64,73 @@ def cyclic_report(
     }
     warnings = [*climb_warnings(report), *knee_warnings(report), *departure_warnings(report)]
     return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
+
+
+def _gait(clip: Clip, bouts: Sequence[Bout], selection: Selection, fit: CyclicFit) -> dict[str, Any]:
+    """The gait parameters of the loop, and how much of the capture is in it."""
+    motion, speed = fit.motion, fit.path.speed
+    return {
+        "kind": "run" if is_running(speed) else "walk",
+        "simulated_capture": clip.simulated,
+        "cyclic": True,
+        "period_s": _n(motion.duration),
+        "cadence_steps_per_min": _n(120.0 / motion.duration),
+        "speed_m_s": _n(speed),
+        "speed_capture_m_s": _n(fit.loop.speed),
+        "speed_scaled_m_s": _n(fit.scale * fit.loop.speed),
+        "stride_m": _n(speed * motion.duration),
+        "stance_ratio": _stance(motion),
+        "range_deg": _ranges(motion),
+        "strides_used": _n(selection.strides),
+        "strides_found": _n(sum(one.cycles for one in bouts)),
+        "strides_left_out": why_strides_are_left_out(selection.bouts),
+        "frames_used": len(fit.strides.phase),
+        "path": _path(selection.bouts),
+        "climb": _climb(climb_of(clip, selection.bouts)),
+    }
+
+
+def _averaging(fit: CyclicFit) -> dict[str, Any]:
+    """Whether both sides were averaged, and which of the sensor's angles were trusted."""
+    reliability = fit.reliability
+    return {
+        "symmetric": fit.symmetric,
+        "asymmetry_deg": _n(fit.asymmetry_deg),
+        "noise_deg": _n(fit.noise_deg),
+        "asymmetry_limit_deg": _n(fit.asymmetry_limit_deg),
+        "reliability": {
+            "precise": reliability.precise,
+            "pelvis": reliability.pelvis,
+            "torso": reliability.torso,
+            "feet": reliability.feet,
+            **{name: _n(value) for name, value in reliability.measured.items()},
+        },
+    }
+
+
+def _on_the_ground(fit: CyclicFit, balance: Balance | None) -> dict[str, Any]:
+    """How the loop was scaled to the humanoid, balanced and set on the ground."""
+    path = fit.path
+    balanced = balance and {
+        "outside_m": _n(balance.outside),
+        "outside_before_m": _n(balance.outside_before),
+        "displacement_m": _n(balance.displacement),
+    }
+    return {
+        "scale": _n(fit.scale),
+        "stance_width_m": _n(fit.width),
+        "abduction_deg": _n(np.degrees(fit.abduction)),
+        "balance": balanced,
+        "ground": {
+            "height_shift_m": _n(path.shift),
+            "follows_foot": path.follows,
+            "penetration_m": _n(path.penetration),
+            "floating_m": _n(path.floating),
+            "swing_clearance_m": _n(path.clearance),
+            "slip_m_s": _n(path.slip),
+            "slip_recorded_m_s": _n(path.slip_recorded),
+        },
+    }
 
 
 def _climb(found: Climb) -> dict[str, Any]:
@@ -174,7 +192,7 @@ def noncyclic_report(
         **walk,
         "strides_found": _n(sum(one.cycles for one in bouts)),
         "frames_used": len(fit.frames),
-        "range_deg": {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()},
+        "range_deg": _ranges(motion),
         "pass": excerpt.pass_number,
         "lean_deg": _n(np.degrees(fit.lean)),
         "stance_ratio": _stance(motion),
@@ -293,9 +311,12 @@ def _measures(found: Measures) -> dict[str, Any]:
     }
 
 
-def _range(curve: Array) -> list[float]:
-    degrees = np.degrees(curve)
-    return [round(float(degrees.min()), 2), round(float(degrees.max()), 2)]
+def _ranges(motion: Motion) -> dict[str, list[float]]:
+    """Smallest and largest knee and hip angles, in degrees."""
+    curves = {name: np.degrees(curve) for name, curve in joint_angles(motion.rotations).items()}
+    return {
+        name: [round(float(curve.min()), 2), round(float(curve.max()), 2)] for name, curve in curves.items()
+    }
 
 
 def _n(value: Any) -> float | None:
