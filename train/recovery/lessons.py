@@ -89,22 +89,20 @@ def _drawn(
 ) -> tuple[Pushes, Array]:
     """Pushes and the knots (N, KNOTS, C) of their maneuvers: most as in the searches, some from elsewhere."""
     found = teacher.found
-    taught = round(_TAUGHT * count)
-    of = np.resize(np.arange(len(found)), taught)
     phases, forces, angles = random.random(count), np.zeros(count), np.zeros(count)
     knots = np.zeros((count, maneuver.KNOTS, len(maneuver.COLUMNS)))
-    first = slice(0, taught)
-    phases[first] = (
-        np.array([one.phase for one in found])[of] + random.uniform(-1, 1, taught) * teacher.around
-    )
-    angles[first] = np.array([one.direction for one in found])[of] + random.uniform(-SPREAD, SPREAD, taught)
-    forces[first] = random.uniform(_WEAKEST, _HARDER * max(settings.forces), taught)
-    share = np.clip((forces[first] - _NONE) / (_WHOLE - _NONE), 0.0, 1.0)
-    knots[first] = np.stack([one.knots for one in found])[of] * share[:, None, None]
-    rest = np.arange(taught, count)
-    pushed = rest[round(_UNPUSHED * len(rest)) :]
-    angles[pushed] = _elsewhere(np.radians(settings.directions), len(pushed), random)
-    forces[pushed] = random.uniform(0.0, _OTHERS, len(pushed))
+    size = round(_TAUGHT * count)
+    taught, others = slice(0, size), slice(size + round(_UNPUSHED * (count - size)), count)
+    of = np.resize(np.arange(len(found)), size)
+    phases[taught] = np.array([one.phase for one in found])[of]
+    phases[taught] += random.uniform(-1, 1, size) * teacher.around
+    angles[taught] = np.array([one.direction for one in found])[of] + random.uniform(-SPREAD, SPREAD, size)
+    forces[taught] = random.uniform(_WEAKEST, _HARDER * max(settings.forces), size)
+    share = np.clip((forces[taught] - _NONE) / (_WHOLE - _NONE), 0.0, 1.0)
+    knots[taught] = np.stack([one.knots for one in found])[of] * share[:, None, None]
+    pushed_elsewhere = len(forces[others])
+    angles[others] = _elsewhere(np.radians(settings.directions), pushed_elsewhere, random)
+    forces[others] = random.uniform(0.0, _OTHERS, pushed_elsewhere)
     return Pushes(phases, forces, angles), knots
 
 
