@@ -10,17 +10,19 @@ from itertools import chain
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name, normalised
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
-# Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi
-# or leftasi. Of each landmark's tuples, the first with any label in the file counts (for a cluster: with all
-# labels); all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354,
-# Hamner, Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); the Rizzoli institute's
-# (IOR; Leardini et al. 2007, Gait & Posture 26, 560-571); the anatomical names (IAS,
-# FLE, FAL …) of van Sint Jan 2007, Color Atlas of Skeletal Landmark Definitions, as in Visual3D, Qualisys and
-# Motive; Motive's Baseline and Qualisys' sports set (WaistLFront, LKneeOut …); Motek's Human Body Model
-# (LLEK, LMEK …); and plain words.
+# Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is
+# lasi or leftasi, and a word of four letters or more may also have its side behind it (kneelatl). Of each
+# landmark's tuples, the first with any label in the file counts (for a cluster: with all labels); all
+# labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354, Hamner,
+# Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); the Rizzoli institute's (IOR;
+# Leardini et al. 2007, Gait & Posture 26, 560-571); the anatomical names (IAS, FLE, FAL …) of van Sint Jan
+# 2007, Color Atlas of Skeletal Landmark Definitions, as in Visual3D, Qualisys and Motive; Motive's Baseline
+# and Qualisys' sports set (WaistLFront, LKneeOut …); Motek's Human Body Model (LLEK, LMEK …); the CMU
+# library (LFWT, LBWT: the front and back of the waist); the medial markers of the Conventional Gait Model 2
+# (LKNM, LMED); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
-    "asis": (("*asi",), ("*asis",), ("asis*",), ("*ias",), ("waist*front",)),
-    "psis": (("*psi",), ("*psis",), ("psis*",), ("*ips",), ("waist*back",)),
+    "asis": (("*asi",), ("*asis",), ("*ias",), ("waist*front",), ("*fwt",)),
+    "psis": (("*psi",), ("*psis",), ("*ips",), ("waist*back",), ("*bwt",)),
     "knee_lateral": (
         ("*kneelat",),
         ("*kneelateral",),
@@ -32,6 +34,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*fle",),
         ("*kneeout",),
         ("*latknee",),
+        ("*lateralknee",),
+        ("*lknee",),
+        ("*latepicondyle",),
+        ("*lateralepicondyle",),
         ("*lek",),
         ("*knee",),
         ("*lk",),
@@ -48,6 +54,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*fme",),
         ("*kneein",),
         ("*medknee",),
+        ("*medialknee",),
+        ("*medepicondyle",),
+        ("*medialepicondyle",),
+        ("*knm",),
         ("*mek",),
         ("*mknee",),
         ("*mk",),
@@ -62,6 +72,11 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*fal",),
         ("*ankleout",),
         ("*latankle",),
+        ("*lateralankle",),
+        ("*latank",),
+        ("*lankle",),
+        ("*latmalleolus",),
+        ("*lateralmalleolus",),
         ("*ankle",),
         ("*la",),
     ),
@@ -76,6 +91,11 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*tam",),
         ("*anklein",),
         ("*medankle",),
+        ("*medialankle",),
+        ("*medank",),
+        ("*medmalleolus",),
+        ("*medialmalleolus",),
+        ("*med",),
         ("*mankle",),
         ("*ma",),
     ),
@@ -162,6 +182,8 @@ SIDES: tuple[str, ...] = ("left", "right")
 _JOINT_CENTRE = re.compile(r"([lr])(?:eft|ight)?([hkasew])jc(?:study)?")
 _JOINT_OF_LETTER = {"h": "hip", "k": "knee", "a": "ankle", "s": "shoulder", "e": "elbow", "w": "wrist"}
 _FIRST_WORD = re.compile(r"([^_.\s-]*)[_.\s-]+(.*[A-Za-z].*)")
+# Letters of a word behind which a side may stand; shorter ones would be other labels (le + l).
+_LONG_WORD = 4
 # A word before fewer labels is not a subject's name: Top.Head alone says nothing about "Top".
 _FEWEST_OF_SUBJECT = 4
 
@@ -184,17 +206,31 @@ def landmarks(labels: Sequence[str]) -> dict[str, tuple[int, ...]]:
     for side in SIDES:
         for kinds, complete in ((_SIDED, False), (_CLUSTERS, True)):
             for landmark, patterns in kinds.items():
-                spellings_of_sets = [
-                    [tuple(label.replace("*", word) for word in (side[0], side)) for label in labels]
-                    for labels in patterns
-                ]
+                spellings_of_sets = [[_spellings(label, side) for label in labels] for labels in patterns]
                 _add_first_match(found, f"{landmark}_{side}", spellings_of_sets, index, complete=complete)
     return found
 
 
+def _spellings(label: str, side: str) -> tuple[str, ...]:
+    word = label.removeprefix("*")
+    behind = [word + s for s in (side[0], side)] if word != label and len(word) >= _LONG_WORD else []
+    return (*(label.replace("*", s) for s in (side[0], side)), *behind)
+
+
 def joint_centres(labels: Sequence[str]) -> dict[str, int]:
-    """Node -> index of the point that is named as this joint's centre: "LKJC", "Left Knee", "knee_left" …"""
-    return joints_by_name(tuple(_joint_name(label) for label in without_subject(labels)))
+    """Node -> index of the point that is named as this joint's centre: "LKJC", "Left Knee", "knee_left" …
+
+    A thigh beside a knee is no hip: in "L.Thigh, L.Knee, L.Ankle" (Helen Hayes) it is a marker in the middle
+    of the thigh. Where the shank follows it, the names are those of bones, whose points are their upper ends.
+    """
+    found = joints_by_name(tuple(_joint_name(label) for label in without_subject(labels)))
+    for side in SIDES:
+        hip, knee = (found.get(f"{joint}_{side}") for joint in ("hip", "knee"))
+        if hip is None or knee is None:
+            continue
+        if "thigh" in normalised(labels[hip]) and "knee" in normalised(labels[knee]):
+            del found[f"hip_{side}"]
+    return found
 
 
 def _joint_name(label: str) -> str:

@@ -82,8 +82,11 @@ def _called(name: str) -> str:
 
 def _people(labels: tuple[str, ...]) -> tuple[tuple[str, ...], dict[str, list[int]]]:
     """The labels without names, and name -> points, of the naming that gives several people."""
+    # In "L.Knee.Lat" the last word says which marker it is, not whose.
+    whole = {labels[k] for markers in landmarks(labels).values() for k in markers}
     for naming in (_before_colon, _first_word, _last_word):
-        names, rests = zip(*map(naming, labels), strict=True) if labels else ((), ())
+        split = [("", one) if naming is _last_word and one in whole else naming(one) for one in labels]
+        names, rests = zip(*split, strict=True) if split else ((), ())
         named = {
             name: [k for k, one in enumerate(names) if one == name]
             for name in dict.fromkeys(filter(None, names))

@@ -52,10 +52,16 @@ def test_which_marker_is_which() -> None:
         "LLEK LMEK LLM LMM LLEE LMEE",  # Motek's Human Body Model
         "L_LatKnee L_MedKnee L_LatAnkle L_MedAnkle L_LatElbow L_MedElbow",
         "LLK LMK LLA LMA LELB",
+        "LKNE LKNM LANK LMED LELB",  # the Conventional Gait Model 2
+        "LLKNEE LMKNEE LLANKLE LMANKLE LELBOW",
+        "LLatKnee LMedKnee LLatAnk LMedAnk LElbow",
+        "KneeLat_L KneeMed_L AnkleLat_L AnkleMed_L Elbow_L",
+        "Left Lateral Knee,Left Medial Knee,Left Lateral Ankle,Left Medial Ankle,Left Elbow",
+        "L_LatEpicondyle L_MedEpicondyle L_LatMalleolus L_MedMalleolus L_Elbow",
     ],
 )
 def test_lateral_and_medial_markers(labels: str) -> None:
-    found = landmarks(labels.split())
+    found = landmarks(labels.split("," if "," in labels else None))
     for number, landmark in enumerate(("knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial")):
         assert found[f"{landmark}_left"] == (number,)
     assert "elbow_left" in found
@@ -86,3 +92,17 @@ def test_computed_joint_centres(prefix: str) -> None:
 
 def test_what_many_markers_end_in_is_no_joints_name() -> None:
     assert not joint_centres(MOTIVE.split()).keys() & {"knee_left", "ankle_left", "shoulder_left"}
+
+
+def test_a_marker_on_the_thigh_is_no_hip() -> None:
+    helen_hayes = [f"{s}.{part}" for s in "LR" for part in ("ASIS", "Thigh", "Knee", "Shank", "Ankle", "Toe")]
+    assert not joint_centres(helen_hayes).keys() & {"hip_left", "hip_right"}
+    assert landmarks(helen_hayes)["knee_lateral_right"] == (8,)
+    # Of bones the upper ends are the joints.
+    bones = [f"{s}_{part}" for s in "lr" for part in ("thigh", "shank", "foot")]
+    assert [joint_centres(bones)[f"{joint}_left"] for joint in ("hip", "knee", "ankle")] == [0, 1, 2]
+
+
+def test_the_waist_of_the_cmu_library() -> None:
+    found = landmarks([f"Jim:{s}{part}" for s in "LR" for part in ("FWT", "BWT", "KNE", "ANK")])
+    assert (found["asis_left"], found["psis_right"]) == ((0,), (5,))

@@ -180,3 +180,19 @@ def test_two_subjects_of_plug_in_gait() -> None:
     assert np.isfinite(clip.angles["knee_left"]).all()
     (found,) = clip.provenance["reading"]["defects"]
     assert found["text"] == f"1 more ('Ann' in {SHORT} frames), dropped; 'Bob', in {FRAMES}, is read"
+
+
+def test_lateral_and_medial_markers_are_no_people() -> None:
+    joints = {"Knee": 0.5, "Ankle": 0.2, "Toe": 0.1}
+    out = {"Lat": 0.06, "Med": -0.06}
+    labels = tuple(f"{side}.{joint}.{part}" for side in "LR" for joint in joints for part in out)
+    place = [
+        (0.0, sign * (0.1 + aside), height)
+        for sign in (1.0, -1.0)
+        for height in joints.values()
+        for aside in out.values()
+    ]
+    points = np.broadcast_to(np.array(place), (FRAMES, len(labels), 3))
+    kept, _, defects = main_person(labels, points)
+    assert kept == labels
+    assert not defects
