@@ -6,7 +6,7 @@ file in `make bench-batch`, one core.
 
 from __future__ import annotations
 
-from kinemimic.pipeline.parallel.schedule import RoundCosts, TaskCosts, makespan, training_round
+from cluster_schedule import RoundCosts, TaskCosts, makespan, training_round
 
 CALL = 6.4e-4  # s, of an actor or a task
 ROUND = RoundCosts(

@@ -6,11 +6,11 @@ import time
 from functools import partial
 
 import pytest
+from bench.cluster_schedule import RoundCosts, TaskCosts, makespan, training_round
 from peers.node_work import slow
 from peers.ray_nodes import RayNodes
 
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
-from kinemimic.pipeline.parallel.schedule import RoundCosts, TaskCosts, makespan, training_round
 
 TASK = TaskCosts(compute=1.0, dispatch=0.001, sent=1e6, returned=1e6, bandwidth=1e9)
 ROUND = RoundCosts(
