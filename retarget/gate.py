@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.formats.gait_json import GAIT, report_of_run
 from kinemimic.retarget.humanoid.motion import Motion
 
 Severity = Literal["warn", "refuse"]
@@ -156,16 +156,11 @@ def require_trainable(run: Path, motion: Motion, *, anyway: bool = False) -> Non
 
     anyway: skip the check. A motion without gait.json was not retargeted from a capture and passes.
     """
-    path = run / "gait.json"
-    if anyway or not path.exists():
+    if anyway or (report := report_of_run(run, motion)) is None:
         return
-    refused = [
-        finding.message
-        for finding in check_report(read_gait_json(path, motion))
-        if finding.severity == "refuse"
-    ]
+    refused = [finding.message for finding in check_report(report) if finding.severity == "refuse"]
     if refused:
         raise KinemimicError(
-            f"{path}: expected a motion that the humanoid can perform, found: {'; '.join(refused)}; "
+            f"{run / GAIT}: expected a motion that the humanoid can perform, found: {'; '.join(refused)}; "
             "take another part of the capture (retarget --segment), or train with --anyway"
         )

@@ -14,6 +14,7 @@ import torch
 from kinemimic.pipeline.cli.options import json_option, ray_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.run_folder.stage import reading
+from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
@@ -98,6 +99,7 @@ def train(
             config=config,
             budget=budget,
             scenario=scenario,
+            report=None if start is None else report_of_run(run, motion),
         )
         count = where.count(workers, settings.config.num_envs)
         return _train(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -17,6 +19,7 @@ from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.scenario.event_schedule import check
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.tracker.suitability import without_strides
 
 LEAST = 1_000_000  # samples: searches take longer than that, and would be for a policy that still changes
 
@@ -39,8 +42,9 @@ def settings_for(
     config: TrainConfig | None = None,
     budget: int | None = None,
     scenario: Scenario | None = None,
+    report: Mapping[str, Any] | None = None,
 ) -> Settings:
-    """Settings for a motion; arguments as in `command.train`.
+    """Settings for a motion; arguments as in `command.train`. report: the motion's gait.json, if any.
 
     KinemimicError for a tracker that cannot be read or has learned no such motion, a budget below one sample,
     and a scenario that does not suit the motion.
@@ -48,10 +52,10 @@ def settings_for(
     initial: Policy | None = None
     if start is not None:
         initial, config = from_start(start, preset_name, seed)
-        if config.env.balance and motion.cyclic:
+        if config.env.balance and not without_strides(motion, report):
             raise KinemimicError(
                 f"--from {start}: expected a motion without strides, all that this tracker has learned, "
-                f"found a loop; use --from {TRACKER}"
+                f"found a gait; use --from {TRACKER}"
             )
     if config is None:
         config = preset(preset_name, seed=seed)

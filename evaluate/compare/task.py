@@ -12,7 +12,7 @@ import numpy as np
 from kinemimic.pipeline.files.store import content_hash
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.pipeline.kinematics.skeleton import SIDES
-from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
@@ -61,7 +61,7 @@ def scenario_identity(one: Scenario) -> str:
 def task_summary(task: Task, motion: Motion) -> dict[str, Any]:
     """A task as compare.json records it. ceiling: R² of the loop against the capture, mean of both sides."""
     run = task.run
-    gait = read_gait_json(run / "gait.json") if (run / "gait.json").exists() else {}
+    gait = report_of_run(run) or {}
     loop = gait.get("r2_loop_against_capture") or {}
     ceiling = {}
     for joint in SCORED_JOINTS:

@@ -23,7 +23,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.lock import locked
-from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.tracker import STANDING, TRACKER
@@ -32,7 +32,6 @@ from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
 POLICY, RECORD, SCORES = "policy.safetensors", "policy.json", "scores.json"
-GAIT = "gait.json"
 # Relative, of duration, advance and height: another version of numpy changes the last digits of a rebuilt
 # motion, another version of `retarget` improves it slightly, and the policy performs as well on either.
 _TOLERANCE = 0.01
@@ -104,7 +103,7 @@ class ShippedPolicies:
                 f"`kinemimic run CAPTURE --policy {name}` makes one"
             )
         motion = read_motion_json(run / MOTION)
-        report = read_gait_json(run / GAIT, motion) if (run / GAIT).exists() else None
+        report = report_of_run(run, motion)
         if found := unsuitable(motion, report):
             raise KinemimicError(
                 f"{run / MOTION}: expected a motion on its feet and on level ground, all that {name} has "

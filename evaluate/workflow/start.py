@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.tracker import STANDING, TRACKER
 from kinemimic.train.tracker.suitability import unsuitable, without_strides
@@ -55,8 +55,7 @@ def default_start(folder: Path) -> dict[str, str]:
     from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
 
     motion = read_motion_json(folder / "motion.json")
-    gait = folder / "gait.json"
-    report = read_gait_json(gait, motion) if gait.exists() else None
+    report = report_of_run(folder, motion)
     if unsuitable(motion, report) is not None:
         return {}
     start = TRACKER if motion.cyclic else STANDING if without_strides(motion, report) else None

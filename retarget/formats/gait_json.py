@@ -14,6 +14,7 @@ from kinemimic.retarget.formats.gait_schema import Gait
 from kinemimic.retarget.formats.same_motion import require_same_motion
 from kinemimic.retarget.humanoid.motion import Motion
 
+GAIT = "gait.json"
 GAIT_SCHEMA = 3
 _RENAMED_IN_2 = {
     "passes": {"strides_followed": "strides_timed_individually", "ankles_m": "ankle_amplitude_m"},
@@ -44,6 +45,13 @@ def read_gait_json(path: Path, motion: Motion | None = None) -> dict[str, Any]:
     if motion is not None:
         require_same_motion(path, report.get("motion"), motion, stage="retarget")
     return report
+
+
+def report_of_run(run: Path, motion: Motion | None = None) -> dict[str, Any] | None:
+    """The report in a run folder, as `read_gait_json` reads it; None if the folder has none, since its motion
+    was not retargeted there."""
+    path = run / GAIT
+    return read_gait_json(path, motion) if path.exists() else None
 
 
 def _from_1(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.scenario.scenario_file import scenario
@@ -30,12 +31,17 @@ def test_a_tracker_brings_its_weights_and_is_named_by_its_hash(motion: Motion) -
     assert found.config.max_budget > found.config.budget
 
 
-def test_the_tracker_of_motions_on_the_spot_learns_no_loop(motion: Motion) -> None:
-    assert motion.cyclic
-    with pytest.raises(KinemimicError, match=r"--from standing: expected a motion without strides, .*a loop"):
-        settings_for(motion, start="standing")
-    once = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
-    assert settings_for(once, start="standing").config.env.balance
+def test_the_tracker_of_motions_on_the_spot_learns_no_gait(motion: Motion) -> None:
+    as_recorded = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
+    for gait in (motion, as_recorded):
+        with pytest.raises(KinemimicError, match=r"--from standing: .* without strides, .*a gait"):
+            settings_for(gait, start="standing")
+        assert not settings_for(gait, start="tracker").config.env.balance
+    assert settings_for(exercise(0, 0), start="standing").config.env.balance
+    # The report knows whether there are strides: a jump comes forward without, a treadmill holds a walk.
+    assert settings_for(as_recorded, start="standing", report={"kind": "motion"}).config.env.balance
+    with pytest.raises(KinemimicError, match="found a gait"):
+        settings_for(exercise(0, 0), start="standing", report={"kind": "walk"})
 
 
 def test_a_budget_of_the_user_is_kept(motion: Motion) -> None:

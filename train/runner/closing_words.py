@@ -9,7 +9,7 @@ from typing import Any
 from kinemimic.pipeline.cli.progress_state import minutes
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.run_folder.capture import run_flag
-from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import POLICY, training_summary
@@ -44,8 +44,7 @@ def training_verdict(
 
 def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
     """The lines at the end of training in a run folder; record: content of policy.json."""
-    gait = read_gait_json(path) if (path := run / "gait.json").exists() else None
-    where = run_flag(run)
+    gait, where = report_of_run(run), run_flag(run)
     found, kept = training_verdict(record, gait, where), Evaluation(**record["best"])
     yield found.headline
     yield (

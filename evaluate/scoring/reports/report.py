@@ -24,7 +24,7 @@ from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.quality.stored import read_gimbal, read_quality
-from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -74,11 +74,11 @@ class ReportInputs:
     @classmethod
     def read(cls, run: Path, motion: Motion) -> ReportInputs:
         """Open and check all files, so that a damaged one is found before any rollout."""
-        quality, gimbal, gait = (run / f"{stage}.json" for stage in ("quality", "gimbal", "gait"))
+        quality, gimbal = run / "quality.json", run / "gimbal.json"
         return cls(
             read_quality(quality) if quality.exists() else None,
             read_gimbal(gimbal) if gimbal.exists() else None,
-            read_gait_json(gait, motion) if gait.exists() else None,
+            report_of_run(run, motion),
             captured(run, motion),
         )
 
