@@ -18,6 +18,9 @@ class Unreadable(NamedTuple):
 _UNPACK = "unpack it first (gzip alone is read packed)"
 # The name of a part of every spreadsheet of Excel, which is a ZIP archive.
 _SHEET = b"xl/workbook.xml"
+# The name of a part of every file of PyTorch, and bytes of the longest header of a numpy file that are read.
+_PICKLE_OF_TORCH, _NUMPY_HEADER = b"/data.pkl", 256
+_AS_ARRAYS = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
 _VIDEO = "give the video itself to `kinemimic ingest`"
 # Bytes at a place of the file -> what it is.
 _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
@@ -39,8 +42,6 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
 )
 # Protocols 2 to 5; older ones are text.
 _PICKLES = tuple(bytes([0x80, protocol]) for protocol in range(2, 6))
-# As the arrays are called by programs that find a body model in pictures, and by AMASS.
-_HUMAN_MESH = {"global_orient": "root_orient", "body_pose": "pose_body", "transl": "trans"}
 _MOST_NAMES = 6
 
 
@@ -51,14 +52,23 @@ def unreadable(source: Source) -> Unreadable | None:
         return Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO) if is_2d else None
     if names := array_names(source):
         return _archive(sorted(names))
+    if what := _program(source.content):
+        return Unreadable(f"{what}, which is not read because it can run any program", _AS_ARRAYS)
     if _SHEET in source.content:
         return Unreadable("a spreadsheet of Excel", "save the sheet as CSV")
-    if source.content.startswith(_PICKLES) and source.content.endswith(b"."):
-        advice = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
-        return Unreadable("a Python pickle, which is not read because it can run any program", advice)
     if _is_utf_16(source.content[:4096]):
         return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
     return next((what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark), None)
+
+
+def _program(content: bytes) -> str | None:
+    """What holds a pickle, or None."""
+    if content.startswith(_PICKLES) and content.endswith(b"."):
+        return "a Python pickle"
+    if content.startswith(b"PK\x03\x04") and _PICKLE_OF_TORCH in content:
+        return "a file of PyTorch"
+    is_of_objects = content.startswith(b"\x93NUMPY") and b"'|O'" in content[:_NUMPY_HEADER]
+    return "a numpy file of Python objects" if is_of_objects else None
 
 
 def _is_utf_16(head: bytes) -> bool:
@@ -69,8 +79,6 @@ def _is_utf_16(head: bytes) -> bool:
 
 def _archive(names: list[str]) -> Unreadable:
     """Of an .npz archive with arrays of these names."""
-    wanted = "the layout of AMASS has trans and poses, or root_orient and pose_body"
-    if renamed := [f"{old} as {new}" for old, new in _HUMAN_MESH.items() if old in names]:
-        wanted += f": save {', '.join(renamed)}, in axis-angle and metres"
+    wanted = "an SMPL body's motion has trans and poses, or root_orient and pose_body, as in AMASS"
     shown = ", ".join(name[:40] for name in names[:_MOST_NAMES]) + (" …" if len(names) > _MOST_NAMES else "")
     return Unreadable(f"an .npz archive of {shown}", wanted)

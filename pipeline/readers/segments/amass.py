@@ -2,13 +2,16 @@
 
 poses (T, 72, 156 or 165): three numbers for each joint's rotation relative to its parent, the body's 22
 joints first in all of them; or root_orient (T, 3) and pose_body (T, 63). trans (T, 3): the path in metres.
-mocap_framerate or mocap_frame_rate: Hz. The body model that gives these joints their places has its own
-licence and is not needed: lengths are those of an average man or woman (Drillis & Contini 1966, as in
-`proportions`; statures: Fryar et al. 2016), the directions of the bones at rest are the format's own. The
-angles do not depend on the lengths. Fingers, face and soft tissue are left out.
+Other names and shapes of these arrays: smpl_arrays.py. mocap_framerate, fps …: Hz. The body model that gives
+these joints their places has its own licence and is not needed: lengths are those of an average man or woman
+(Drillis & Contini 1966, as in `proportions`; statures: Fryar et al. 2016), the directions of the bones at
+rest are the format's own. The angles do not depend on the lengths. Fingers, face and soft tissue are left
+out.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -35,16 +38,18 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote
-from kinemimic.pipeline.readers.base.npz import array_names, read_arrays
+from kinemimic.pipeline.readers.base.npz import array_names, array_shapes, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.segments.smpl_arrays import numbers, smpl_arrays, turns
 
 FORMAT = Format(
     name="AMASS npz",
     sensor="optical, through MoSh",
     holds="rotations of the 22 joints of an SMPL body, and its path",
-    recognised_by="an .npz archive with poses (or root_orient and pose_body) and trans",
+    recognised_by="an .npz archive with poses (or root_orient and pose_body) and trans, or their other names",
     binary=True,
 )
 RATE = 30.0
@@ -82,8 +87,6 @@ _REST: tuple[tuple[str, str, float, tuple[float, float, float]], ...] = (
     ("right_wrist", "right_elbow", FOREARM, (-0.999, 0.036, -0.005)),
 )
 JOINTS: tuple[str, ...] = tuple(name for name, *_ in _REST)
-_WIDTHS = (66, 72, 156, 165)
-_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
 _HIGHEST_RATE = 1000.0
 # Radians of an axis-angle vector: beyond several turns it is damage.
 _MAX_TURN = 8.0 * np.pi
@@ -105,8 +108,7 @@ def smpl_skeleton(stature: float) -> Skeleton:
 
 def recognises(source: Source) -> bool:
     """True for an .npz archive with a path and poses."""
-    names = array_names(source)
-    return "trans" in names and ("poses" in names or {"root_orient", "pose_body"} <= names)
+    return smpl_arrays(array_names(source)) is not None
 
 
 def read(source: Source) -> Clip:
@@ -115,14 +117,25 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged archive, arrays of other shapes, and numbers that are not a rotation,
     path or rate.
     """
-    arrays = read_arrays(source, ("poses", "root_orient", "pose_body", "trans", *_RATES, "gender"))
-    turns = _turns(arrays, source)
-    trans = np.asarray(_numbers(arrays["trans"], "trans", source))
-    if trans.shape != (len(turns), 3):
-        raise source.error(expected=f"trans of shape ({len(turns)}, 3), as poses", found=f"{trans.shape}")
+    stored = array_names(source)
+    names = smpl_arrays(stored)
+    assert names is not None  # noqa: S101 (recognises() holds)
+    rates = sorted(name for name in stored if is_rate(name))
+    # A gender of None is a Python object, which is not read, and not needed.
+    gender_known = [name for name in ("gender",) if name in array_shapes(source)]
+    arrays = read_arrays(source, (*names.rotations, names.path, *rates, *gender_known))
+    turned = turns(arrays, names, source)
+    trans = numbers(arrays[names.path], names.path, source)
+    if trans.shape == (len(turned), 1, 3):
+        trans = trans[:, 0]
+    if trans.shape != (len(turned), 3):
+        raise source.error(
+            expected=f"{names.path} of shape ({len(turned)}, 3), as {names.rotations[0]}",
+            found=f"{trans.shape}",
+        )
     for name, values, most, what in (
-        ("poses", turns, _MAX_TURN, "radians"),
-        ("trans", trans, MAX_DISTANCE, "metres"),
+        (names.rotations[-1], turned, _MAX_TURN, "radians"),
+        (names.path, trans, MAX_DISTANCE, "metres"),
     ):
         wrong = ~(np.abs(values) <= most)  # NaN too
         if wrong.any():
@@ -133,25 +146,25 @@ def read(source: Source) -> Clip:
                 where=f"frame {int(place[0])}",
             )
     # The path of a body of three joints, the fewest of which one can tell that it is somewhere else.
-    refuse_remote(np.repeat(trans[:, None], 3, axis=1), ("trans",) * 3, source)
+    refuse_remote(np.repeat(trans[:, None], 3, axis=1), (names.path,) * 3, source)
     gender = _gender(arrays)
-    rate, notes = _rate(arrays, source)
+    rate, notes = _rate(arrays, rates, source)
     notes.append(
         f"the file holds no lengths: those of an average {gender} body, {STATURES[gender]:.2f} m tall"
     )
-    rotations = from_rotvec(turns)
+    rotations = from_rotvec(turned)
     world_from_file = _upright(rotations[:, 0])
     rotations[:, 0] = multiply(world_from_file, rotations[:, 0])
     rotations = continuous(rotations)
     skeleton = smpl_skeleton(STATURES[gender])
-    translations = np.broadcast_to(skeleton.offsets, (*turns.shape[:2], 3)).copy()
+    translations = np.broadcast_to(skeleton.offsets, (*turned.shape[:2], 3)).copy()
     translations[:, 0] = trans
     return Clip(
         skeleton=skeleton,
-        times=np.arange(len(turns)) / rate,
+        times=np.arange(len(turned)) / rate,
         positions=world_positions(skeleton, translations, rotations, world_from_file),
-        states=np.full(turns.shape[:2], TRACKED, dtype=np.uint8),
-        passes=np.zeros(len(turns), dtype=np.int32),
+        states=np.full(turned.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(turned), dtype=np.int32),
         translations=translations,
         world_from_file=world_from_file,
         rotations=rotations,
@@ -165,30 +178,6 @@ def read(source: Source) -> Clip:
     )
 
 
-def _turns(arrays: dict[str, Array], source: Source) -> Array:
-    """Axis-angle vectors (T, 22, 3) of the body's joints, radians."""
-    if "poses" in arrays:
-        poses = _numbers(arrays["poses"], "poses", source)
-        if poses.ndim != 2 or poses.shape[1] not in _WIDTHS or not len(poses):
-            widths = ", ".join(str(width) for width in _WIDTHS)
-            raise source.error(expected=f"poses of shape (frames, {widths})", found=f"{poses.shape}")
-    else:
-        root, body = (_numbers(arrays[name], name, source) for name in ("root_orient", "pose_body"))
-        if root.shape != (len(root), 3) or body.shape != (len(root), 63) or not len(root):
-            raise source.error(
-                expected="root_orient (frames, 3) and pose_body (frames, 63)",
-                found=f"{root.shape} and {body.shape}",
-            )
-        poses = np.concatenate([root, body], axis=1)
-    return np.asarray(poses[:, : 3 * len(JOINTS)].reshape(len(poses), len(JOINTS), 3), dtype=np.float64)
-
-
-def _numbers(array: Array, name: str, source: Source) -> Array:
-    if array.dtype.kind not in "fiu":
-        raise source.error(expected=f"numbers in {name}", found=f"{array.dtype}")
-    return np.asarray(array, dtype=np.float64)
-
-
 def _gender(arrays: dict[str, Array]) -> str:
     """The key of STATURES that the file names; "neutral" if none."""
     value = arrays.get("gender")
@@ -199,11 +188,12 @@ def _gender(arrays: dict[str, Array]) -> str:
     return text.strip().lower() if text.strip().lower() in STATURES else "neutral"
 
 
-def _rate(arrays: dict[str, Array], source: Source) -> tuple[float, list[str]]:
-    name = next((name for name in _RATES if name in arrays), None)
-    if name is None:
+def _rate(arrays: dict[str, Array], names: Sequence[str], source: Source) -> tuple[float, list[str]]:
+    """names: of the arrays that call themselves a rate."""
+    if not names:
         return RATE, [f"no rate in the file: {RATE:g} Hz"]
-    value = _numbers(arrays[name], name, source).reshape(-1)
+    name = names[0]
+    value = numbers(arrays[name], name, source).reshape(-1)
     if value.size != 1 or not 1.0 <= value[0] <= _HIGHEST_RATE:
         raise source.error(
             expected=f"a rate of 1 to {_HIGHEST_RATE:g} Hz in {name}", found=f"{value[:3].tolist()}"

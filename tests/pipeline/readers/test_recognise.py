@@ -192,11 +192,9 @@ WALK = b"HIERARCHY " * 100
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),
         (WALK.decode().encode("utf-16-le"), "text in UTF-16 without a byte-order mark; save it as UTF-8"),
         (saved(np.zeros((9, 18, 3))), "a numpy array that is not of shape"),
-        (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; the layout of AMASS has trans and"),
-        (
-            archive(global_orient=np.zeros(3), body_pose=np.zeros(3), transl=np.zeros(3)),
-            r"an \.npz archive of body_pose, .*: save global_orient as root_orient, body_pose as pose_body, ",
-        ),
+        (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; an SMPL body's motion has trans"),
+        (saved(np.array({"poses": 1})), "a numpy file of Python objects, which is not read because"),
+        (zipped(WALK, "hmr4d_results/data.pkl"), "a file of PyTorch, which is not read because"),
         (b'{"people":[{"pose_keypoints_2d":[100.0]}]}', "keypoints of OpenPose in 2D: they have no depth"),
     ],
 )

@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
-from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply, rotate, to_rotvec
+from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply, rotate, to_matrix, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base import npz
@@ -68,6 +68,27 @@ def test_all_widths_and_the_layout_of_smpl_x_are_the_same_motion() -> None:
     assert np.abs(read(single).positions - same.positions).max() < 1e-5
 
 
+@pytest.mark.parametrize("rate", ["fps", "frame_rate", "mocap_frame_rate", "frameRate"])
+def test_the_names_and_shapes_of_other_programs(rate: str) -> None:
+    arrays = sample.arrays(FRAMES)
+    same, poses = read(arrays), arrays["poses"][:, :72]
+    root, body = poses[:, :3], poses[:, 3:]
+    matrices = to_matrix(from_rotvec(poses.reshape(FRAMES, 24, 3)))
+    others: list[Arrays] = [
+        {"global_orient": root, "body_pose": body, "transl": arrays["trans"]},
+        {"global_orient": root[:, None], "body_pose": body.reshape(FRAMES, 23, 3), "trans": arrays["trans"]},
+        {"global_orient": matrices[:, :1], "body_pose": matrices[:, 1:], "transl": arrays["trans"]},
+        {"poses": poses.reshape(FRAMES, 24, 3), "trans": arrays["trans"][:, None]},
+        {"pose": root, "pose_world": poses, "trans": root, "trans_world": arrays["trans"]},
+    ]
+    for other in others:
+        clip = read({**other, rate: np.array(120), "gender": np.array("male")})
+        assert clip.rate == pytest.approx(120.0)
+        assert np.abs(clip.positions - same.positions).max() < 1e-9
+    # A gender that is a Python object is left out.
+    assert "neutral" in str(read({**arrays, "gender": np.array([_Trap()])}).provenance["reading"]["notes"])
+
+
 def test_a_file_that_is_y_up_stands_upright(tmp_path: Path) -> None:
     arrays = sample.arrays(FRAMES)
     upright = read(arrays)
@@ -109,11 +130,15 @@ def infinite(arrays: Arrays) -> Arrays:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (without("trans"), r"an \.npz archive of .*; the layout of AMASS has trans and poses"),
+        (without("trans"), r"an \.npz archive of .*; an SMPL body's motion has trans and poses"),
         (put("trans", np.zeros((5, 3))), r"expected trans of shape \(60, 3\), as poses, found \(5, 3\)"),
         (
             put("poses", np.zeros((60, 99))),
             r"expected poses of shape \(frames, 66, 72, 156, 165\), found \(60, 99\)",
+        ),
+        (
+            put("poses", np.zeros((60, 24, 3, 3))),
+            "frame 0: expected rotation matrices in poses, found none at joint 0",
         ),
         (put("poses", np.array([["a"] * 66])), "expected numbers in poses, found <U1"),
         (
@@ -144,8 +169,8 @@ class _Trap:
 
 def test_nothing_is_unpickled_or_larger_than_it_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     arrays = sample.arrays(FRAMES)
-    with pytest.raises(CaptureError, match="expected numbers or words in gender"):
-        read({**arrays, "gender": np.array([_Trap()])})
+    with pytest.raises(CaptureError, match="expected numbers or words in fps"):
+        read({**arrays, "fps": np.array([_Trap()])})
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         archive.writestr("poses.npy", pickle.dumps(_Trap()))
