@@ -86,7 +86,10 @@ def array_shapes(source: Source) -> dict[str, tuple[int, ...]]:
                 try:
                     with archive.open(name + _SUFFIX) as file:
                         heads[name] = file.read(_LONGEST_HEADER)
-                except (zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError, RuntimeError):
+                except (
+                    zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError, RuntimeError,
+                    ValueError,
+                ):  # fmt: skip
                     continue
     shapes = {}
     for name, head in heads.items():
