@@ -97,6 +97,8 @@ def infer_unit(
     ]
     leg = float(sum(bones)) / 2.0
     possible = plausible_units(leg, UNITS)
+    if not possible and (scaled := _wrong_scale(leg, joints=len(names))):
+        return scaled
     if not possible:
         raise CaptureError(
             path,
@@ -109,6 +111,18 @@ def infer_unit(
     return Unit(
         metres, name, f"thigh and shank {whose}", unit_ambiguity(leg, possible, UNITS, joints=len(names))
     )
+
+
+def _wrong_scale(leg: float, *, joints: int) -> Unit | None:
+    """The unit of a body a hundred times too small or too large, or None: modelling programs give a figure in
+    centimetres a scale of 0.01, which an export may apply once too often, or undo."""
+    for name, factor, what in (("m", 100.0, "small"), ("cm", 0.01, "large")):
+        metres = UNITS[name] * factor
+        if _usual(leg * metres):
+            text = f"a leg of {leg:.4g} {name}, a hundred times too {what}: scaled to {leg * metres:.2f} m"
+            defect = Defect("wrong_units", joints, "joints", "repaired", text)
+            return Unit(metres, name, "thigh and shank nearest to an adult's, times a hundred", [defect])
+    return None
 
 
 def _below(hip: int, ankle: int, parents: tuple[int, ...]) -> list[int]:

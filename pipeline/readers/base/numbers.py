@@ -23,6 +23,9 @@ _LARGE = 2**19
 _LAYOUT_BYTES, _LAYOUT_LINES = 2**20, 1000
 # What writers put into the cell of a value that they do not have, in lower case.
 _EMPTY = frozenset(("", "null", "none", "na", "n/a"))
+# What programs compiled by Microsoft's compilers write for NaN and infinity, and the marks of it.
+_NAN_OF_C = re.compile(r"[-+]?(?:1\.#(?:IND|QNAN|SNAN|INF)0*|nan\((?:ind|snan)\))", re.IGNORECASE)
+_MARKS_OF_C = (b"#IND", b"#QNAN", b"#SNAN", b"#INF", b"nan(")
 # The one comma of a number; "1,234.5" and "1,234,567" have commas between thousands.
 _DECIMAL_COMMA = re.compile(r"(?<![\d.,])(\d*),(\d+)(?![\d.,])")
 
@@ -68,6 +71,8 @@ def parse_table(
     Raises CaptureError naming the first line with another number of fields or with something that is not a
     number, or saying that there is no such line at all.
     """
+    if any(mark in source.content for mark in _MARKS_OF_C):
+        source = source.with_text(_NAN_OF_C.sub("nan", "\n".join(source.lines)))
     if len(source.content) >= _LARGE:
         table = _with_arrow(
             source, start, width, separator, label_columns, drop_other_widths=drop_other_widths

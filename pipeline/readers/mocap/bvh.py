@@ -15,6 +15,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
+from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
@@ -29,6 +30,8 @@ FORMAT = Format(
     recognised_by="the keyword HIERARCHY",
     width_in_header=True,
 )
+# Of a file without a frame time, in Hz.
+RATE = 30.0
 _AXES = "XYZ"
 # A T-pose is one frame, at most a few; a longer still pose means that the subject is not there yet
 # (quality/passes.py).
@@ -46,7 +49,8 @@ def read(source: Source) -> Clip:
     """The clip of all joints, end sites as `<parent>_end`; a leading calibration pose is dropped and
     reported.
 
-    The clock starts at 0 with the file's first frame, so a dropped first frame shows in the times.
+    The clock starts at 0 with the file's first frame, so a dropped first frame shows in the times. So do
+    frames without a number in some channel, which are left out: kinematics needs every joint.
     """
     bvh = parse(source)
     if not bvh.motion.any():
@@ -68,15 +72,21 @@ def read(source: Source) -> Clip:
     notes = ["the numbers have decimal commas"] if bvh.commas else []
     if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
         notes.append("the file has scale channels, which are not applied")
-    if bvh.declared > len(euler):
-        count = bvh.declared - len(euler)
-        text = f"the file declares {bvh.declared} frames but has {len(euler)}: it may be cut off"
-        defects.append(Defect("dropped_frames", count, "frames", "flagged", text))
-    elif bvh.declared < len(euler):
-        notes.append(f"the file declares {bvh.declared} frames but has {len(euler)}: all are read")
+    frames = int(bvh.numbers[-1]) + 1
+    if bvh.declared > frames:
+        text = f"the file declares {bvh.declared} frames but has {frames}: it may be cut off"
+        defects.append(Defect("dropped_frames", bvh.declared - frames, "frames", "flagged", text))
+    elif bvh.declared < frames:
+        notes.append(f"the file declares {bvh.declared} frames but has {frames}: all are read")
+    if unknown := frames - len(euler):
+        text = f"{plural(unknown, 'frame')} without a number in some channel, left out"
+        defects.append(Defect("dropped_frames", unknown, "frames", "flagged", text))
+    if not bvh.frame_time:
+        text = f"the file has no frame time: {RATE:g} Hz, unless --rate says what it has"
+        defects.append(Defect("wrong_rate", 1, "rates", "flagged", text))
     return clip_of_channels(
         skeleton,
-        np.arange(first, len(euler), dtype=np.float64) * bvh.frame_time,
+        bvh.numbers[first:].astype(np.float64) * (bvh.frame_time or 1.0 / RATE),
         translations[first:],
         euler[first:],
         orders,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base.numbers import parse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
@@ -21,6 +23,13 @@ MAX_NUMBER = 1e9
 CHANNELS: tuple[str, ...] = tuple(
     f"{axis}{kind}" for kind in ("position", "rotation", "scale") for axis in "XYZ"
 )
+# The lines below MOTION, some without their colon or space.
+_KEYS: dict[str, re.Pattern[str]] = {
+    "Frames": re.compile(r"\s*frames\s*[:\s](.*)", re.IGNORECASE),
+    "Frame Time": re.compile(r"\s*frame\s*time\s*[:\s](.*)", re.IGNORECASE),
+}
+# Seconds.
+_FRAME_TIMES = (1e-4, 1.0)
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 
 
@@ -37,12 +46,15 @@ class Joint:
 
 @dataclass
 class BvhText:
-    """joints: parents before children; motion: (T, channels) in the file's units and degrees; declared: the
-    number of frames that the file declares; commas: whether its numbers have decimal commas."""
+    """joints: parents before children; frame_time: seconds, 0 if the file has none; motion: (T, channels) in
+    the file's units and degrees; numbers: (T,) of its frames in the file, from 0, where those without a
+    number in some channel are left out; declared: the number of frames that the file declares; commas:
+    whether its numbers have decimal commas."""
 
     joints: list[Joint] = field(default_factory=list)
     frame_time: float = 0.0
     motion: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    numbers: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     declared: int = 0
     commas: bool = False
 
@@ -101,9 +113,11 @@ def parse(source: Source) -> BvhText:
     All frames in the file are read, regardless of the number that it declares, if the last line is complete.
     """
     if _has_decimal_commas(source):
-        bvh = parse(Source(source.path, source.text.replace(",", ".").encode(), source.sha256))
+        bvh = parse(source.with_text("\n".join(source.lines).replace(",", ".")))
         bvh.commas = True
         return bvh
+    if separator := _separator(source):
+        source = source.with_text("\n".join(source.lines).replace(separator, " "))
     lines = source.lines
     marker = next((i for i, line in enumerate(lines) if line.strip().lower() == "motion"), None)
     bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], source)))
@@ -125,42 +139,61 @@ def parse(source: Source) -> BvhText:
         )
     table = parse_table(source, start=start, width=width)
     bvh.motion, bvh.declared = table.values, frames
-    wrong = ~(np.abs(bvh.motion) < MAX_NUMBER)  # NaN too
+    known = np.isfinite(bvh.motion).all(axis=1)
+    wrong: Mask = np.asarray(~(np.abs(bvh.motion) < MAX_NUMBER))  # NaN too
+    if known.any():
+        wrong[~known] = False
     if wrong.any():
         frame, channel = (int(k) for k in np.argwhere(wrong)[0])
         raise source.error(
             expected="finite numbers", found=f"{bvh.motion[frame, channel]} in channel {channel + 1}",
             where=f"line {table.line(frame)}, frame {frame}",
         )  # fmt: skip
+    bvh.numbers = np.flatnonzero(known)
+    if not known.all():
+        bvh.motion = bvh.motion[known]
     return bvh
+
+
+def _last_line(source: Source) -> str:
+    return next((line for line in reversed(source.lines) if line.strip()), "")
 
 
 def _has_decimal_commas(source: Source) -> bool:
     """True if the last line has commas but no point, as exported under a German locale, for example."""
-    last = next((line for line in reversed(source.lines) if line.strip()), "")
+    last = _last_line(source)
     return "," in last and "." not in last and all(word.count(",") < 2 for word in last.split())
 
 
+def _separator(source: Source) -> str | None:
+    """A comma or semicolon between the numbers of the last line, or None."""
+    last = _last_line(source)
+    return next((mark for mark in ",;" if mark in last and last.strip().strip(mark).count(mark) > 1), None)
+
+
 def _declared(source: Source, start: int) -> tuple[int, float, int]:
-    """Number of frames and seconds per frame, from the two lines below MOTION; and the line at which the
-    motion starts."""
+    """Number of frames and seconds per frame (0 if there is none), from the two lines below MOTION; and the
+    line at which the motion starts."""
     filled = [(k, line) for k, line in enumerate(source.lines[start : start + 64], start) if line.strip()][:2]
     values: list[str] = []
-    for position, key in enumerate(("frames", "frame time")):
+    for position, (key, spelt) in enumerate(_KEYS.items()):
         number, line = filled[position] if position < len(filled) else (len(source.lines) - 1, "")
-        name, _, value = line.partition(":")
-        if " ".join(name.lower().split()) != key:
+        found = spelt.fullmatch(line)
+        if found is None:
             shown = repr(line.strip()[:40]) if line else "the end of the file"
-            raise source.error(expected=f"{key.title()}: and a number", found=shown, line=number + 1)
-        values.append(value.strip())
+            raise source.error(expected=f"{key}: and a number", found=shown, line=number + 1)
+        values.append(found[1].strip())
     if not (values[0].isascii() and values[0].isdigit() and len(values[0]) < 12 and int(values[0]) > 0):
         raise source.error(
             expected="a number of frames above 0", found=repr(values[0][:40]), line=filled[0][0] + 1
         )
-    seconds = to_number(values[1])
-    if seconds is None or not 1e-4 <= seconds <= 1.0:
+    seconds = to_number(values[1] or "0")
+    if seconds is None or not (seconds == 0.0 or _FRAME_TIMES[0] <= seconds <= _FRAME_TIMES[1]):
         raise source.error(
-            expected="a frame time of 0.0001 to 1 s", found=repr(values[1][:40]), line=filled[1][0] + 1
+            expected=f"a frame time of {_FRAME_TIMES[0]:g} to {_FRAME_TIMES[1]:g} s",
+            found=repr(values[1][:40]),
+            line=filled[1][0] + 1,
+            advice="write the seconds from one frame to the next there, or 0 and give --rate",
         )
     return int(values[0]), seconds, filled[1][0] + 1
 

@@ -79,3 +79,10 @@ def test_units_that_cannot_be_inferred() -> None:
     missing = "no hip_left, knee_left, ankle_left, .* among a, b; rename the joints"
     with pytest.raises(CaptureError, match=missing):
         infer_unit(("a", "b"), (-1, 0), np.ones((2, 2, 3)), PATH)
+
+
+@pytest.mark.parametrize(("leg", "metres", "name"), [(0.0084, 100.0, "m"), (8400.0, 0.0001, "cm")])
+def test_a_scale_of_a_hundred_applied_once_too_often(leg: float, metres: float, name: str) -> None:
+    unit = infer_unit(LEGS, PARENTS, np.full((2, 7, 3), 0.5 * leg / np.sqrt(3)), PATH)
+    assert (unit.metres, unit.name) == (pytest.approx(metres), name)
+    assert [(defect.rule, defect.action) for defect in unit.defects] == [("wrong_units", "repaired")]

@@ -114,6 +114,7 @@ def test_scale_channels_are_not_applied(bvh: Text) -> None:
         lambda t: t.replace("Frames: 40", "Frames:\t40").replace("\n", "\n\n"),
         lambda t: t.replace("OFFSET 0 -43 0", "OFFSET 0.0e0 -4.3E+1 0"),
         lambda t: t.rstrip("\n"),
+        lambda t: t.replace("Frame Time: ", "FrameTime:").replace("Frames: ", "Frames "),
         lambda t: t.replace("{", "\n{\n").replace("}", "\n}\n"),
     ],
 )
@@ -175,7 +176,10 @@ def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh
             "expected at most 50000000 joints times frames",
         ),
         (lambda t: t.replace("Frames: 40", "Frames: -3"), "a number of frames above 0, found '-3'"),
-        (lambda t: t.replace("0.0333333\n", "0\n"), "expected a frame time of 0.0001 to 1 s, found '0'"),
+        (
+            lambda t: t.replace("0.0333333\n", "33\n"),
+            "expected a frame time of 0.0001 to 1 s, found '33'; write the seconds",
+        ),
         (lambda t: t.replace("0.0333333\n", "nan\n"), "expected a frame time"),
         (lambda t: t.replace("OFFSET 9 -8 0", "OFFSET 9 -8"), "three numbers after OFFSET, found 'CHANNELS'"),
         (lambda t: t.replace("OFFSET 9 -8 0", "OFFSET 9 nan 0"), "three numbers after OFFSET, found 'nan'"),
@@ -234,13 +238,47 @@ def test_no_motion_at_all(bvh: Text, captures: Path) -> None:
         reader.read(Source.open(captures / "kinect2_kinect2bvh" / "Girl_Blendswap5_AddRoot3.bvh"))
 
 
-@pytest.mark.parametrize("word", ["nan", "inf", "-1.#IND", "1,5"])
-def test_no_number_in_the_motion(bvh: Text, word: str) -> None:
+def test_no_number_in_the_motion(bvh: Text) -> None:
+    lines = bvh().split("\n")
+    fields = lines[30].split()
+    lines[30] = " ".join([*fields[:4], "1,5", *fields[5:]])
+    with pytest.raises(CaptureError, match="line 31"):
+        reader.read(source_of("\n".join(lines), PATH))
+    lines = bvh().split("\n")
+    lines[25:] = [f"{line} ".replace(" ", " nan ", 1) for line in lines[25:] if line]
+    with pytest.raises(CaptureError, match="expected"):
+        reader.read(source_of("\n".join(lines), PATH))
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-1.#IND", "1.#QNAN0", "-nan(ind)"])
+def test_a_frame_without_a_number_is_left_out_and_the_others_keep_their_times(bvh: Text, word: str) -> None:
+    whole = reader.read(source_of(bvh(), PATH))
     lines = bvh().split("\n")
     fields = lines[30].split()
     lines[30] = " ".join([*fields[:4], word, *fields[5:]])
-    with pytest.raises(CaptureError, match="line 31"):
-        reader.read(source_of("\n".join(lines), PATH))
+    clip = reader.read(source_of("\n".join(lines), PATH))
+    others = np.arange(40) != 30 - lines.index("Frame Time: 0.0333333") - 1
+    assert np.array_equal(clip.times, whole.times[others])
+    assert np.array_equal(clip.positions, whole.positions[others])
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"], defect["action"]) == ("dropped_frames", 1, "flagged")
+
+
+@pytest.mark.parametrize("written", ["0", "", "0.0"])
+def test_a_file_without_a_frame_time_is_read_at_30_hz(bvh: Text, written: str) -> None:
+    clip = reader.read(source_of(bvh().replace("0.0333333\n", f"{written}\n"), PATH))
+    assert clip.rate == pytest.approx(30.0)
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["action"]) == ("wrong_rate", "flagged")
+
+
+@pytest.mark.parametrize("mark", [", ", ",", "; "])
+def test_commas_and_semicolons_between_numbers(bvh: Text, mark: str) -> None:
+    head, body = bvh(motion=np.round(t_pose_before(30, 0), 3) + 0.0001).split("Frame Time")
+    first, _, rest = body.partition("\n")
+    text = f"{head}Frame Time{first}\n{rest.replace(' ', mark)}"
+    same = reader.read(source_of(f"{head}Frame Time{first}\n{rest}", PATH))
+    assert np.array_equal(reader.read(source_of(text, PATH)).positions, same.positions)
 
 
 def test_deep_nesting_is_refused_without_exhausting_the_stack() -> None:
