@@ -7,9 +7,11 @@ precedence over all formats: the user's description counts more than the appeara
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +68,14 @@ def read(source: Source) -> Clip:
     description = parse(description_source.path, description_source.text)
     rows = rows_of(source, description, name)
     tree = tree_of(description)
-    return _clip(description, rows, tree, name)
+    record = reading(
+        units=description.space.unit,
+        units_rule=f"given in {name}",
+        defects=rows.defects,
+        notes=[f"read as described in {name}"],
+        description=name,
+    )
+    return clip_of(description, rows, tree, record, FORMAT)
 
 
 def _description_name(source: Source) -> str | None:
@@ -107,7 +116,10 @@ def _applies_to(description_source: Path, head: bytes, name: str) -> bool:
     return not files or any(fnmatch(name, pattern) for pattern in files)
 
 
-def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
+def clip_of(
+    description: Description, rows: Rows, tree: Tree, record: Mapping[str, Any], format: Format
+) -> Clip:
+    """The clip of a description's rows; record: the reading, to which a note on left-handed axes is added."""
     space = description.space
     left_handed = np.linalg.det(space.axes) < 0
     # Flipping one axis of a left-handed file makes it right-handed; any axis will do.
@@ -121,13 +133,8 @@ def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
     states = None if rows.states is None else rows.states[:, of_file]
     skeleton = replace(tree.skeleton, offsets=tree.skeleton.offsets * flip)
     world_from_file = from_matrix(space.axes * flip)
-    record = reading(
-        units=space.unit,
-        units_rule=f"given in {name}",
-        defects=rows.defects,
-        notes=[f"read as described in {name}", *(["left-handed axes were mirrored"] if left_handed else [])],
-        description=name,
-    )
+    if left_handed:
+        record = {**record, "notes": [*record["notes"], "left-handed axes were mirrored"]}
     joints = [description.joints[k] for k in of_file]
     if not any(joint.quaternion or joint.euler for joint in joints):
         return clip_of_points(
@@ -135,7 +142,7 @@ def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
             rows.times,
             points,
             states,
-            format=FORMAT,
+            format=format,
             reading=record,
             world_from_file=world_from_file,
         )
@@ -157,7 +164,7 @@ def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
         positions=positions,
         states=states_of_clip,
         passes=np.zeros(len(rows.times), dtype=np.int32),
-        provenance={"format": FORMAT.name, "sensor": FORMAT.sensor, "reading": record},
+        provenance={"format": format.name, "sensor": format.sensor, "reading": dict(record)},
         euler=pose.euler,
         orders=pose.orders,
         translations=pose.translations if has_euler else None,

@@ -40,6 +40,11 @@ def suggest(source: Source) -> str:
             found=f"a table of {sheet.width} columns with neither",
             advice="docs/describe-your-columns.md shows how to write the description by hand",
         )
+    return draft(source, sheet, layout)
+
+
+def draft(source: Source, sheet: Sheet, layout: Layout) -> str:
+    """The draft for a table and its joints, as TOML text."""
     return "\n".join(_draft(source, sheet, layout)) + "\n"
 
 

@@ -11,6 +11,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
+from kinemimic.pipeline.quality.rules.mirrored_body import MIN_MIRRORED_SHARE
 from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS
 
 # A recorder's usual step in seconds, and the steps for which a unit of time is plausible.
@@ -130,7 +131,8 @@ def _forward(positions: dict[str, Array], up: Array) -> Array | None:
 
 
 def _right_handed(positions: dict[str, Array], up: Array) -> bool | None:
-    """Whether forward is left x up; compared per frame, so that turning round does not matter."""
+    """Whether forward is left x up, as toes show it; compared per frame, so that turning round does not
+    matter, and as clear as where a body counts as mirrored."""
     if not {"hip_left", "hip_right"} <= positions.keys():
         return None
     lateral = positions["hip_left"] - positions["hip_right"]
@@ -143,7 +145,7 @@ def _right_handed(positions: dict[str, Array], up: Array) -> bool | None:
         return None
     seen = np.concatenate(agree)
     seen = seen[np.isfinite(seen) & (seen != 0)]
-    return None if len(seen) == 0 else bool((seen > 0).mean() > 0.5)
+    return None if len(seen) == 0 else bool((seen < 0).mean() < MIN_MIRRORED_SHARE)
 
 
 def time_unit(times: Array, name: str) -> tuple[str, float] | None:

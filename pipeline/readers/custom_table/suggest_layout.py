@@ -10,16 +10,18 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
-from kinemimic.pipeline.readers.custom_table.suggest_names import Columns, joints_of_header
+from kinemimic.pipeline.readers.custom_table.suggest_names import STATE, Columns, joints_of_header
 from kinemimic.pipeline.readers.custom_table.suggest_orders import (
     GOOD_SCORE,
     ORDERS,
+    PENALTY_PER_SPARE,
     Order,
     body_score,
     order_of,
     order_of_points,
 )
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet
+from kinemimic.pipeline.readers.landmarks.one_person import is_person
 
 # Fewer joints are not a body; no sensor tracks more.
 _JOINT_COUNTS = (5, 80)
@@ -36,7 +38,9 @@ class Layout:
 
     names: (J,) as in the file, or those of a known sequence (if `numbered`); columns: (J,) of each joint, or
     one for all if a row holds one joint (`long`); points: (T, J, 3); rotations: (T, J, 4 or 3) if there are
-    any; joint_column: the column of joint names; reason: the evidence; lettered: the header names the axes.
+    any; joint_column: the column of joint names; reason: the evidence; lettered: the header names the axes;
+    margin: by how much a known sequence is a better body than the next one (`body_score`), negative for a
+    poor fit.
     """
 
     names: tuple[str, ...]
@@ -48,11 +52,12 @@ class Layout:
     joint_column: int | None
     reason: str
     lettered: bool = False
+    margin: float = np.inf
 
 
 def layout_of(sheet: Sheet) -> Layout | None:
     """The joints of a table; None if no body is found in it."""
-    return _by_column(sheet) or _by_header(sheet) or _by_body(sheet)
+    return _by_column(sheet) or _by_number(sheet) or _by_header(sheet) or _by_body(sheet)
 
 
 def _by_column(sheet: Sheet) -> Layout | None:
@@ -84,6 +89,37 @@ def _by_column(sheet: Sheet) -> Layout | None:
     return None
 
 
+def _by_number(sheet: Sheet) -> Layout | None:
+    """A layout with one row per joint and a column that counts them, in each frame from the beginning."""
+    one = _columns_of_row(sheet) if sheet.names else Columns()
+    if not one.position:
+        return None
+    for column in range(sheet.width):
+        count = None if column in one.position else _counted(sheet.values[:, column])
+        if count is None:
+            continue
+        rows = len(sheet.values) // count * count
+        points = sheet.values[:rows, one.position].reshape(-1, count, 3)
+        known = order_of_points(points)
+        if known is None or known[1] > GOOD_SCORE:
+            return None
+        reason = f"numbered in column {column + 1}; assumed to be in the sequence of the {known[0]}"
+        return Layout(
+            ORDERS[known[0]], (one,), points, None, True, True, None, reason, margin=known[2] - known[1]
+        )
+    return None
+
+
+def _counted(values: Array) -> int | None:
+    """How many numbers a column counts through, again and again, from 0 or 1; None for another column."""
+    if not np.isfinite(values).all() or values[0] not in (0.0, 1.0):
+        return None
+    count = values.max() - values[0] + 1.0
+    if not (_JOINT_COUNTS[0] <= count <= _JOINT_COUNTS[1] and len(values) >= 2 * count):
+        return None
+    return int(count) if (values == values[0] + np.arange(len(values)) % int(count)).all() else None
+
+
 def _columns_of_row(sheet: Sheet) -> Columns:
     """Columns of position, quaternion and state if a row holds one joint."""
     one = Columns()
@@ -105,6 +141,9 @@ def _columns_of_row(sheet: Sheet) -> Columns:
         one.position = tuple(moving[:3]) if len(moving) >= 3 else ()
     taken = {*one.position, *one.quaternion}
     rest = [k for k in range(sheet.width) if k not in taken]
+    # Numbers of people, or joints, look like states.
+    named = [k for k in rest if sheet.names and STATE.fullmatch(sheet.names[k])]
+    rest = named or [k for k in rest if not (sheet.names and is_person(sheet.names[k]))]
     states = [k for k in rest if k not in sheet.words and _is_state(sheet.values[:, k])]
     words = [k for k in rest if k in sheet.words and len(set(sheet.words[k])) <= _JOINT_COUNTS[0]]
     one.state = tuple((states or words)[:1])
@@ -121,6 +160,7 @@ def _by_header(sheet: Sheet) -> Layout | None:
     names, columns = tuple(with_position), tuple(with_position.values())
     rotations = _rotations(sheet, columns)
     known = order_of_points(points)
+    margin = -np.inf if known is None or known[1] > GOOD_SCORE else known[2] - known[1]
     has_node_names = len(joints_by_name(names)) >= _MIN_NODES
     score = body_score(points, names) if has_node_names else np.inf
     # Some recorders' headers list the joints in a wrong sequence.
@@ -128,7 +168,18 @@ def _by_header(sheet: Sheet) -> Layout | None:
     if known is not None and known[1] < GOOD_SCORE and (names_are_wrong or not has_node_names):
         reason = "the header's names do not form a body" if has_node_names else "the header only numbers them"
         reason = f"{reason}; assumed to be in the sequence of the {known[0]} (please check)"
-        return Layout(ORDERS[known[0]], columns, points, rotations, True, False, None, reason, lettered=True)
+        return Layout(
+            ORDERS[known[0]],
+            columns,
+            points,
+            rotations,
+            True,
+            False,
+            None,
+            reason,
+            lettered=True,
+            margin=margin,
+        )
     if not has_node_names:
         return None
     reason = "named in the header"
@@ -146,13 +197,15 @@ def _by_body(sheet: Sheet) -> Layout | None:
         + (f", the next best sequence's with {order.second:.2f}" if np.isfinite(order.second) else "")
         + ("" if order.score < GOOD_SCORE else "; a poor fit: please check")
     )
+    poor = order.score + PENALTY_PER_SPARE * order.spare > GOOD_SCORE
+    margin = -np.inf if poor else order.second - order.score
     if order.step == 0:
         one = Columns(position=tuple(range(order.first, order.first + 3)))
         rest = [k for k in range(sheet.width) if k not in one.position and _is_state(sheet.values[:, k])]
         one.state = tuple(rest[:1])
         complete_rows = len(sheet.values) // len(order.joints) * len(order.joints)
         points = sheet.values[:complete_rows, one.position].reshape(-1, len(order.joints), 3)
-        return Layout(order.joints, (one,), points, None, True, True, None, reason)
+        return Layout(order.joints, (one,), points, None, True, True, None, reason, margin=margin)
     state, quaternion = _state_and_quaternion_offsets(sheet, order)
     columns = tuple(
         Columns(
@@ -163,7 +216,8 @@ def _by_body(sheet: Sheet) -> Layout | None:
         for start in range(order.first, order.first + order.step * len(order.joints), order.step)
     )
     points = np.stack([sheet.values[:, one.position] for one in columns], axis=1)
-    return Layout(order.joints, columns, points, _rotations(sheet, columns), True, False, None, reason)
+    rotations = _rotations(sheet, columns)
+    return Layout(order.joints, columns, points, rotations, True, False, None, reason, margin=margin)
 
 
 def _state_and_quaternion_offsets(sheet: Sheet, order: Order) -> tuple[int | None, int | None]:

@@ -17,11 +17,12 @@ _AXIS_LAST = re.compile(
 )
 # X1, x_knee, z-17
 _AXIS_FIRST = re.compile(rf"(?P<axis>[xyzw])[ _.\-:/]*(?P<joint>\d+|(?<=[ _.\-:/]).+?){_UNIT}", re.IGNORECASE)
-_STATE = re.compile(
-    r"(?P<joint>.+?)[ _.\-:/]*"
-    r"(?:tracked|tracking ?state|state|status|confidence|conf|likelihood|score|visibility)",
-    re.IGNORECASE,
+_STATES = (
+    r"(?:tracked|tracking[ _]?state|state|status|confidence(?:[ _]?level)?|conf|likelihood|score|visibility)"
 )
+_STATE = re.compile(rf"(?P<joint>.+?)[ _.\-:/]*{_STATES}", re.IGNORECASE)
+# Of a table with a row per joint.
+STATE = re.compile(rf"(?:joint[ _]?)?{_STATES}", re.IGNORECASE)
 _SPACED_STATE = re.compile(r"(?P<joint>.+?)[ _.\-:/][sc]", re.IGNORECASE)
 TIME = re.compile(
     r"(?:time|timestamp|t|zeit|temps|tiempo|seconds?|sec|ms|s)\b.*|.*time(?:stamp)?", re.IGNORECASE

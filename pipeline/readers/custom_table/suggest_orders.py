@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
@@ -30,7 +30,7 @@ _JOINT_STEPS = (3, 4, 7, 8)
 # Columns that do not belong to a joint: a time, a frame number, features, angles. A sequence that explains
 # more columns is preferred: the first 20 joints of a Kinect v2 look much like those of a Kinect v1.
 _MAX_SPARE = 26
-_PENALTY_PER_SPARE = 0.01
+PENALTY_PER_SPARE = 0.01
 _FRAMES = 60
 # Bones with their length as a share of an adult's leg (thigh and shank), Winter 2009, Table 4.1 (of stature
 # H: leg 0.491, thigh 0.245, shank 0.246, upper arm 0.186, forearm 0.146); the trunk as a Kinect sees it.
@@ -72,23 +72,36 @@ class Order:
 
 def order_of(values: Array) -> Order | None:
     """The sequence that fits a table (R, w) best, with a row per frame or per joint; None if none fits."""
-    found = sorted(_candidates(values), key=lambda order: order.score + _PENALTY_PER_SPARE * order.spare)
+    found = sorted(_candidates(values), key=lambda order: order.score + PENALTY_PER_SPARE * order.spare)
     if not found or found[0].score > _MAX_SCORE:
         return None
-    other = next((order for order in found if order.name != found[0].name), None)
-    second = np.inf if other is None else other.score + _PENALTY_PER_SPARE * (other.spare - found[0].spare)
+    # A sequence that has the legs in the same columns is no other one: a Kinect v1's in a Kinect v2's.
+    others = (order for order in found if order.name != found[0].name and _legs(order) != _legs(found[0]))
+    other = next(others, None)
+    second = np.inf if other is None else other.score + PENALTY_PER_SPARE * (other.spare - found[0].spare)
     return replace(found[0], second=second)
 
 
-def order_of_points(points: Array) -> tuple[str, float] | None:
-    """The sequence that fits points (T, J, 3) best and its score; None if none has that many joints."""
+def _legs(order: Order) -> list[int]:
+    """The columns, or rows, of the joints of the legs."""
+    index = joints_by_name(order.joints)
+    return (
+        [order.first + order.step * index[node] for node in REQUIRED]
+        if order.step
+        else [index[node] for node in REQUIRED]
+    )
+
+
+def order_of_points(points: Array) -> tuple[str, float, float] | None:
+    """The sequence that fits points (T, J, 3) best, its score and that of the next (infinite if there is
+    none); None if none has that many joints."""
     scores = {
         name: body_score(points, joints) for name, joints in ORDERS.items() if len(joints) == points.shape[1]
     }
     if not scores:
         return None
-    name = min(scores, key=lambda key: scores[key])
-    return name, scores[name]
+    name, *others = sorted(scores, key=scores.__getitem__)
+    return name, scores[name], scores[others[0]] if others else np.inf
 
 
 def _candidates(values: Array) -> Iterator[Order]:

@@ -110,6 +110,10 @@ class Cells:
         """Line number in the file, from 1, of a row."""
         return next((number for k, (number, _) in enumerate(self._data_lines()) if k == row), self.text.first)
 
+    def lines_of_rows(self) -> list[int]:
+        """Line number in the file, from 1, of every row."""
+        return [number for number, _ in self._data_lines()]
+
     def fail(self, key: str | None, *, expected: str, found: str, line: int | None = None) -> NoReturn:
         """Raise a CaptureError about a value in the table that contradicts this key of the description."""
         raise self.source.error(

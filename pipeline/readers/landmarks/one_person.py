@@ -17,7 +17,7 @@ from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
 
 _PERSON = re.compile(
-    r"(?:person|people|body|user|player|subject|skeleton|human|track)(?:id|idx|index|no|nr|num|number)?"
+    r"(?:person|people|body|user|player|subject|skeleton|human|track(?:ing)?)(?:id|idx|index|no|nr|num|number)?"
     r"|pose(?:id|idx|index|num|number)"
 )
 # Share of rows at the time of the row before, from which they are people and not a stutter of the clock.

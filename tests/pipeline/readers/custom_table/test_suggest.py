@@ -282,7 +282,7 @@ def test_the_command_prints_a_draft_and_names_a_known_format(
     assert called("inspect", "--suggest", str(tmp_path / "mine.csv")) == 0
     printed = capsys.readouterr()
     assert printed.out == suggest(Source.open(tmp_path / "mine.csv"))
-    assert printed.err == ""
+    assert "needs no description: it is read as joint table" in printed.err
     name, content = next(iter(importlib.import_module("samples.utkinect").files(FRAMES).items()))
     (tmp_path / name).write_bytes(content)
     assert called("inspect", "--suggest", str(tmp_path / name)) == 0

@@ -1,0 +1,152 @@
+"""Tables of joints that nobody described: the draft of `inspect --suggest` is read at once, where it is sure.
+
+It is sure of the joints if their names are known, in the header or in a column, or if the table has no names
+and the joints of one sensor alone make a human body. The unit is the one that makes a leg human, up is where
+the head is, and the clock is the column of times; the notes tell all that. Rotations in such a table could be
+of any convention, and are left out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name, normalised
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.column_names import words_of
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.custom_table.custom_table import clip_of
+from kinemimic.pipeline.readers.custom_table.description import Description
+from kinemimic.pipeline.readers.custom_table.description_file import parse
+from kinemimic.pipeline.readers.custom_table.rows import rows_of
+from kinemimic.pipeline.readers.custom_table.stacked_header import with_one_header
+from kinemimic.pipeline.readers.custom_table.suggest import draft
+from kinemimic.pipeline.readers.custom_table.suggest_layout import Layout, layout_of
+from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_of
+from kinemimic.pipeline.readers.custom_table.table import Cells
+from kinemimic.pipeline.readers.custom_table.tree import tree_of
+from kinemimic.pipeline.readers.landmarks.one_person import is_person
+from kinemimic.pipeline.readers.landmarks.video_clock import RATE
+
+FORMAT = Format(
+    name="joint table",
+    sensor="unknown",
+    holds="positions of joints with known names, or in a known order",
+    recognised_by="a header, or a column, with the names of hips, knees, ankles and a trunk; without names, "
+    "numbers that make a body in the order of one sensor's joints alone",
+)
+# Where mistakes in such a table are shown, in the place of a description's name.
+_DRAFT = "the draft of `kinemimic inspect --suggest`"
+_TRUNK = ("spine", "shoulder_center", "shoulder_left")
+_SIDE = re.compile("left|right|[lr]")
+# The SDKs' words; a joint with any others counts as tracked where it has a place.
+_STATES = frozenset(("", "nottracked", "inferred", "tracked", "none", "low", "medium", "high"))
+# How clearly the sequence of unnamed joints must win (suggest_orders.py).
+_MARGIN = 0.1
+
+
+def recognises(source: Source) -> bool:
+    """True if the first lines are a table in which the joints are certain."""
+    return _layout(with_one_header(source)) is not None
+
+
+def read(source: Source) -> Clip:
+    """The clip of the joints, of the person seen in most rows; without times, at 30 Hz.
+
+    Raises CaptureError for damaged rows, and for coordinates outside any room.
+    """
+    source = with_one_header(source)
+    found = _layout(source)
+    assert found is not None  # noqa: S101 (recognises() holds)
+    sheet, layout = found
+    description = parse(source.path, draft(source, sheet, layout))
+    source, others = _of_one_person(source, sheet, description)
+    rows = rows_of(source, description, _DRAFT)
+    record = reading(
+        units=description.space.unit,
+        units_rule="thigh and shank as long as a person's",
+        defects=[*rows.defects, *others],
+        notes=_notes(description, layout),
+        columns=sheet.width,
+    )
+    return clip_of(description, rows, tree_of(description), record, FORMAT)
+
+
+def _layout(source: Source) -> tuple[Sheet, Layout] | None:
+    """The table and its joints, without rotations; None where they are not certain."""
+    try:
+        sheet = sheet_of(source)
+    except CaptureError:
+        return None
+    layout = layout_of(sheet)
+    if layout is None or not _is_certain(layout):
+        return None
+    words = {word for one in layout.columns for column in one.state for word in sheet.words.get(column, ())}
+    state: dict[str, tuple[int, ...]] = {} if _plain(words) <= _STATES else {"state": ()}
+    columns = tuple(replace(one, quaternion=(), euler=(), **state) for one in layout.columns)
+    return sheet, replace(layout, columns=columns, rotations=None)
+
+
+def _plain(words: Collection[str]) -> set[str]:
+    return {"".join(words_of(word)) for word in words}
+
+
+def _is_certain(layout: Layout) -> bool:
+    nodes = joints_by_name(layout.names)
+    legs = [layout.names[nodes[node]] for node in REQUIRED if node in nodes]
+    whole = len(legs) == len(REQUIRED) and any(node in nodes for node in _TRUNK)
+    # Without its ankle, a leg has its foot in that place, unlike the other one.
+    half = len(legs) // 2
+    whole &= [_SIDE.sub("", normalised(name)) for name in legs[:half]] == [
+        _SIDE.sub("", normalised(name)) for name in legs[half:]
+    ]
+    return whole and all(one.position for one in layout.columns) and layout.margin >= _MARGIN
+
+
+def _of_one_person(source: Source, sheet: Sheet, description: Description) -> tuple[Source, list[Defect]]:
+    """The source with the rows of one person, blank lines in place of the others; and a defect for these.
+
+    It is the one who is seen in most rows: some recorders write zeros for people who are not there.
+    """
+    column = next((k for k, name in enumerate(sheet.names) if is_person(name)), None)
+    if column is None:
+        return source, []
+    cells = Cells(source, description.text, _DRAFT)
+    clock = description.clock.column
+    words = [column] if clock is None else [column, cells.index(clock, "time.column")]
+    joints = {cells.index(one, "columns") for joint in description.joints for one in joint.position}
+    values, texts = cells.read(sorted(joints), words)
+    people, seen = texts[0].codes, np.asarray((np.isfinite(values) & (values != 0.0)).any(axis=1))
+    count = Counter(people[seen].tolist())
+    if len(count) < 2:
+        return source, []
+    main = count.most_common(1)[0][0]
+    numbers = np.array(cells.lines_of_rows())
+    dropped = set(numbers[people != main].tolist())
+    lines = ["" if number in dropped else line for number, line in enumerate(source.lines, 1)]
+    frames: dict[int, set[int]] = {}
+    moments = texts[1].codes if clock is not None else np.arange(len(people))
+    for moment, person in zip(moments[seen].tolist(), people[seen].tolist(), strict=True):
+        frames.setdefault(moment, set()).add(person)
+    return source.with_text("\n".join(lines)), list(other_people(list(frames.values()), main))
+
+
+def _notes(description: Description, layout: Layout) -> list[str]:
+    """What is not in the file, and how it is known."""
+    clock, space = description.clock, description.space
+    if clock.column is None:
+        time = f"no time in the file: {RATE:g} Hz, unless --rate says what it has"
+    elif clock.counted:
+        time = f"times are frame numbers ({clock.column}) at {RATE:g} Hz, unless --rate says what it has"
+    else:
+        time = f"times in {clock.unit} (column {clock.column})"
+    return [f"joints: {layout.reason}", f"{space.up} points up, from the feet to the head", time]

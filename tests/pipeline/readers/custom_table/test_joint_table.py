@@ -1,0 +1,141 @@
+"""Tables of joints that nobody described are read as the same body, whatever their layout, or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples.joint_table import NAMES
+from samples.motion import kinect_v2_joints, walk, y_up
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.quality.check import check_capture
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
+
+FRAMES = 60
+POINTS = y_up(walk(FRAMES).joints)
+TIMES = walk(FRAMES).times
+AXES = [f"{name}_{axis}" for name in NAMES for axis in "XYZ"]
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[object]], separator: str = ",") -> str:
+    cells = [[f"{cell:.6f}" if isinstance(cell, float) else f"{cell}" for cell in row] for row in rows]
+    return "\n".join(separator.join(row) for row in [*([header] if header else []), *cells]) + "\n"
+
+
+def wide(points: Array = POINTS, scale: float = 1.0) -> list[list[object]]:
+    return [[float(scale * t), *map(float, frame.ravel())] for t, frame in zip(TIMES, points, strict=True)]
+
+
+def by_joint(points: Array = POINTS) -> list[list[object]]:
+    return [
+        [float(1000 * t), k, NAMES[k], *map(float, frame[k])]
+        for t, frame in zip(TIMES, points, strict=True)
+        for k in range(len(NAMES))
+    ]
+
+
+def groups() -> str:
+    joints = ["time", *(cell for name in NAMES for cell in (name, "", ""))]
+    return ",".join(joints) + "\n" + table(["", *("x", "y", "z") * len(NAMES)], wide())
+
+
+def multi_index() -> str:
+    upper = [["joint", *np.repeat(NAMES, 3)], ["axis", *("x", "y", "z") * len(NAMES)]]
+    index = ["frame", *[""] * len(AXES)]
+    rows = [[k, *row[1:]] for k, row in enumerate(wide())]
+    return "".join(",".join(row) + "\n" for row in upper) + table(index, rows)
+
+
+LAYOUTS: dict[str, Callable[[], str]] = {
+    "a column for each coordinate": lambda: table(["Time", *AXES], wide()),
+    "glued names": lambda: table(["Time", *(name.replace("_", "") for name in AXES)], wide()),
+    "millimetres": lambda: table(["t (s)", *AXES], wide(np.hstack([1000 * POINTS]))),
+    "no times": lambda: table(AXES, [row[1:] for row in wide()]),
+    "decimal commas": lambda: table(["Zeit", *AXES], wide(), ";").replace(".", ","),
+    "Z up": lambda: table(["Time", *AXES], wide(walk(FRAMES).joints)),
+    "Y down": lambda: table(["Time", *AXES], wide(POINTS * [1, -1, -1])),
+    "left-handed": lambda: table(["Time", *AXES], wide(POINTS * [-1, 1, 1])),
+    "a row for each joint": lambda: table(["ms", "id", "joint", "x", "y", "z"], by_joint()),
+    "numbered joints": lambda: table(
+        ["ms", "JointID", "X", "Y", "Z"], [[*row[:2], *row[3:]] for row in by_joint()]
+    ),
+    "the joint above the axis": groups,
+    "an index of several levels": multi_index,
+    "no names": lambda: table([], wide(scale=1000)),
+}
+
+
+def angles(path: Path) -> dict[str, Array]:
+    checked = check_capture(recognise.read(path))
+    assert checked.refused is None
+    clip = checked.clip
+    assert clip.provenance["format"] == "joint table"
+    assert clip.times[-1] - clip.times[0] == pytest.approx(TIMES[-1], rel=1e-3)
+    points = to_nodes(clip)[0]
+    assert (points[:, 3, 2] > points[:, 0, 2] + 0.3).all(), "the head is above the hips"
+    return leg_angles(points, times=clip.times)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_the_same_body_from_every_layout(layout: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(LAYOUTS[layout]())
+    truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+    for name, found in angles(tmp_path / "a.csv").items():
+        assert np.degrees(np.abs(found - truth[name])).max() < 0.1, name
+
+
+def test_unnamed_joints_of_a_kinect_v2_are_not_those_of_a_v1(tmp_path: Path) -> None:
+    points = y_up(kinect_v2_joints(walk(FRAMES)))
+    (tmp_path / "a.txt").write_text(table([], wide(points), " "))
+    clip = recognise.read(tmp_path / "a.txt")
+    assert len(clip.skeleton.names) == len(SDK_JOINTS)
+    assert set(angles(tmp_path / "a.txt")) == set(ANGLES)
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_of_several_people_the_one_seen_in_most_rows(long: bool, tmp_path: Path) -> None:
+    """The others stand beside, or are rows of zeros; their numbers are no states."""
+    header = ["ms", "body", "joint", "x", "y", "z"] if long else ["ms", "trackingId", *AXES]
+    rows: list[list[object]] = []
+    for number, time in enumerate(TIMES):
+        shown = {0: 0 * POINTS[number], 1: POINTS[number], 2: POINTS[number] + [1.5, 0.0, 0.3]}
+        for person, points in shown.items():
+            if person == 2 and number > FRAMES / 2:
+                continue
+            moment = [float(1000 * time), person]
+            if long:
+                rows += [[*moment, NAMES[k], *map(float, points[k])] for k in range(len(NAMES))]
+            else:
+                rows.append([*moment, *map(float, points.ravel())])
+    (tmp_path / "a.csv").write_text(table(header, rows))
+    truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+    for name, found in angles(tmp_path / "a.csv").items():
+        assert np.degrees(np.abs(found - truth[name])).max() < 0.1
+    (defect,) = recognise.read(tmp_path / "a.csv").provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"]) == ("several_people", 1)
+
+
+@pytest.mark.parametrize("lacking", ["KneeLeft", "AnkleRight"])
+def test_without_a_leg_a_table_is_no_capture(lacking: str, tmp_path: Path) -> None:
+    kept = [k for k, name in enumerate(AXES) if not name.startswith(lacking)]
+    rows = [[row[0], *(row[1 + k] for k in kept)] for row in wide()]
+    (tmp_path / "a.csv").write_text(table(["Time", *(AXES[k] for k in kept)], rows))
+    with pytest.raises(CaptureError, match="describe its columns"):
+        recognise.read(tmp_path / "a.csv")
+
+
+def test_a_damaged_row_is_named(tmp_path: Path) -> None:
+    rows = wide()
+    rows[7][5] = "oops"
+    (tmp_path / "a.csv").write_text(table(["Time", *AXES], rows))
+    assert len(recognise.read(tmp_path / "a.csv").times) == FRAMES  # a mark of a missing value
+    (tmp_path / "a.csv").write_text(table(["Time", *AXES], [*wide()[:-1], wide()[-1][:9]]))
+    with pytest.raises(CaptureError, match=f"line {FRAMES + 1}: expected 61 columns, found 9"):
+        recognise.read(tmp_path / "a.csv")
