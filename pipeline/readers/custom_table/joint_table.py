@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
@@ -35,7 +36,7 @@ from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_o
 from kinemimic.pipeline.readers.custom_table.table import Cells
 from kinemimic.pipeline.readers.custom_table.tree import tree_of
 from kinemimic.pipeline.readers.landmarks.one_person import is_person
-from kinemimic.pipeline.readers.landmarks.video_clock import RATE
+from kinemimic.pipeline.readers.landmarks.video_clock import RATE, Rate
 
 FORMAT = Format(
     name="joint table",
@@ -64,21 +65,30 @@ def read(source: Source) -> Clip:
 
     Raises CaptureError for damaged rows, and for coordinates outside any room.
     """
+    return clip_of_table(source, FORMAT)
+
+
+def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> Clip:
+    """`read`, for a table that is recognised, in a file of some format; rate: the one that it states."""
     source = with_one_header(source)
     found = _layout(source)
     assert found is not None  # noqa: S101 (recognises() holds)
     sheet, layout = found
     description = parse(source.path, draft(source, sheet, layout))
+    if description.clock.counted:
+        rate = rate or Rate(RATE)
+        clock = msgspec.structs.replace(description.clock, rate=rate.hertz)
+        description = replace(description, clock=clock)
     source, others = _of_one_person(source, sheet, description)
     rows = rows_of(source, description, _DRAFT)
     record = reading(
         units=description.space.unit,
         units_rule="thigh and shank as long as a person's",
         defects=[*rows.defects, *others],
-        notes=_notes(description, layout),
+        notes=_notes(description, layout, rate),
         columns=sheet.width,
     )
-    return clip_of(description, rows, tree_of(description), record, FORMAT)
+    return clip_of(description, rows, tree_of(description), record, format)
 
 
 def _layout(source: Source) -> tuple[Sheet, Layout] | None:
@@ -140,13 +150,15 @@ def _of_one_person(source: Source, sheet: Sheet, description: Description) -> tu
     return source.with_text("\n".join(lines)), list(other_people(list(frames.values()), main))
 
 
-def _notes(description: Description, layout: Layout) -> list[str]:
+def _notes(description: Description, layout: Layout, rate: Rate | None) -> list[str]:
     """What is not in the file, and how it is known."""
     clock, space = description.clock, description.space
-    if clock.column is None:
-        time = f"no time in the file: {RATE:g} Hz, unless --rate says what it has"
-    elif clock.counted:
-        time = f"times are frame numbers ({clock.column}) at {RATE:g} Hz, unless --rate says what it has"
+    if rate is not None and clock.counted:
+        which = (
+            "no time in the file:" if clock.column is None else f"times are frame numbers ({clock.column}) at"
+        )
+        how = f" ({rate.name})" if rate.name else ", unless --rate says what it has"
+        time = f"{which} {rate.hertz:g} Hz{how}"
     else:
         time = f"times in {clock.unit} (column {clock.column})"
     return [f"joints: {layout.reason}", f"{space.up} points up, from the feet to the head", time]

@@ -154,7 +154,8 @@ def _people(frame: dict[str, Any], number: int, source: Source) -> dict[int, dic
         raise source.error(
             expected=f"{_shown(count)} bodies, as in num_bodies", found=f"{len(bodies)}", where=_where(number)
         )
-    people = {body["body_id"]: body for body in bodies if isinstance(body.get("body_id"), int)}
+    ids = [body.get("body_id", body.get("id")) for body in bodies]
+    people = {identity: body for identity, body in zip(ids, bodies, strict=True) if isinstance(identity, int)}
     if len(people) != len(bodies):
         raise source.error(
             expected="a different whole number as body_id for each body",

@@ -35,7 +35,7 @@ def parse_frames(source: Source) -> tuple[Any, list[dict[str, Any]]]:
 
     Raises CaptureError for damaged JSON, and for other frames than described above.
     """
-    document = parse_json(_one_document(source))
+    document = parse_json(one_document(source))
     content = document
     if isinstance(content, dict):
         content = next((content[key] for key in FRAMES if key in content), content)
@@ -70,7 +70,7 @@ def listed(value: Any) -> Any:
     return [found.get(number, unseen) for number in range(len(LANDMARKS))]
 
 
-def _one_document(source: Source) -> Source:
+def one_document(source: Source) -> Source:
     """Lines that are an object each as a list of as many lines; else the source."""
     if len(source.head) < 2 or not all(line.lstrip().startswith("{") for line in source.head[:2]):
         return source

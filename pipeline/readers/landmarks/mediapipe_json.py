@@ -92,7 +92,7 @@ def read(source: Source) -> Clip:
     path = path_of_landmarks(points, source)
     refuse_remote(points, LANDMARKS, source, where)
     beside = {name: given[rows] for name, given in beside.items()}
-    times = times_of_frames(len(rows), beside, source, where, rate=_rate(document, source))
+    times = times_of_frames(len(rows), beside, source, where, rate=rate_beside_frames(document, source))
     defects = [*times.defects, *people]
     if others:
         text = f"more people than one in {plural(others, 'frame')}: the first is read"
@@ -177,7 +177,7 @@ def _beside(frames: list[dict[str, Any]], source: Source) -> dict[str, Array]:
     return found
 
 
-def _rate(document: Any, source: Source) -> Rate | None:
+def rate_beside_frames(document: Any, source: Source) -> Rate | None:
     """The rate that the file states beside its frames, or in objects there ("metadata"), or None."""
     objects = [document] if isinstance(document, dict) else []
     for one in objects:

@@ -8,6 +8,7 @@ run that are optical captures of a real person.
 from __future__ import annotations
 
 import importlib.util
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ FORMAT = Format(
     recognised_by='a JSON object with the key "Frames"',
 )
 COLUMNS = 44
+# Frames of other programs.
+_OBJECTS = re.compile(r'"Frames"\s*:\s*\[\s*\{')
 # In metres, seconds and radians; larger numbers are damage.
 _MAX_NUMBER = 1e4
 # DeepMimic's own motions were blended linearly, which shortens a quaternion (to 0.58 in the kick) but keeps
@@ -98,8 +101,9 @@ def stock_motion(name: str) -> Path:
 
 
 def recognises(source: Source) -> bool:
-    """True for a JSON object with the key "Frames"."""
-    return source.head[0].lstrip().startswith("{") and any('"Frames"' in line for line in source.head)
+    """True for a JSON object with the key "Frames", unless these are objects."""
+    head = "\n".join(source.head)
+    return head.lstrip().startswith("{") and '"Frames"' in head and _OBJECTS.search(head) is None
 
 
 def read_deepmimic(path: Path) -> Clip:

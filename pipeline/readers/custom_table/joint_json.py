@@ -1,0 +1,162 @@
+"""JSON of joints, whatever its keys are called: laid out as a joint table, and read as one.
+
+A frame is an object, or a list, with joints somewhere within: by their names as keys, as objects with a name
+("JointType": "KneeLeft"), or listed in a sensor's order; each with x, y and z, perhaps in an inner object
+("Position"), or as three numbers. Frames are a list, a line each, or the values of an object. Every person of
+a frame is a row of the table.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from kinemimic.pipeline.errors import NotACaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.json_text import parse_json
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.custom_table import joint_table
+from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
+from kinemimic.pipeline.readers.landmarks.mediapipe_frames import one_document
+from kinemimic.pipeline.readers.landmarks.mediapipe_json import rate_beside_frames
+from kinemimic.pipeline.readers.landmarks.one_person import is_person
+
+FORMAT = Format(
+    name="joint JSON",
+    sensor="unknown",
+    holds="positions of joints with known names, or in a known order",
+    recognised_by="JSON with the names of hips, knees and ankles, or with joints of x, y and z",
+)
+_SEARCHED = 2**22
+_STRING = re.compile(rb'"([A-Za-z][\w .:-]{1,40})"')
+# JSON without names has its joints under one of these, or in these (node-kinect2).
+_JOINTS = re.compile(rb'"(?:joints?|skeletons?|keypoints?(?:_?3d)?|cameraX)"\s*:', re.IGNORECASE)
+# Keys of what a joint is called, and of its place in a picture, which is left out.
+_NAMES = frozenset(("jointtype", "jointname", "joint", "name", "type", "label", "bodypart"))
+_PICTURE = frozenset(
+    ("projection", "proj", "color", "depth", "pixel", "image", "screen", "colorspace", "depthspace")
+)
+_CAMERA = re.compile(r"(?:camera|world|pos(?:ition)?)[ _]?([xyz])", re.IGNORECASE)
+# Numbers in the smallest body, and columns of the largest table.
+_FEWEST_NUMBERS, _MOST_COLUMNS = 24, 5000
+_MOST_FRAMES = 216_000
+_PERSON = "body_id"
+
+
+def recognises(source: Source) -> bool:
+    """True for JSON that names joints of legs in its first megabytes, or says that it holds joints."""
+    if source.head[0].lstrip()[:1] not in ("{", "["):
+        return False
+    begin = source.content[:_SEARCHED]
+    if _JOINTS.search(begin):
+        return True
+    names = tuple({name.decode() for name in _STRING.findall(begin)})
+    if len(names) > _MOST_COLUMNS:
+        return False
+    flat = tuple(joints_of_header(names))
+    return any(joints_by_name(joints).keys() >= set(REQUIRED) for joints in (names, flat))
+
+
+def read(source: Source) -> Clip:
+    """The clip of the joints, as of a joint table; CaptureError where these are not certain."""
+    document = parse_json(one_document(source))
+    rows = [row for frame in _frames(document, source) for row in _rows(frame)]
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    unknown = NotACaptureError(
+        source.path,
+        expected="frames with joints that have known names, or are in a sensor's order",
+        found=f"{', '.join(columns[:4])[:100]} …" if columns else "none",
+        advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
+    )
+    if not 3 * len(REQUIRED) <= len(columns) <= _MOST_COLUMNS:
+        raise unknown
+    cells = ("\t".join(str(row.get(name, "")) for name in columns) for row in rows)
+    table = source.with_text("\n".join(["\t".join(columns), *cells]) + "\n")
+    if not joint_table.recognises(table):
+        raise unknown
+    return joint_table.clip_of_table(table, FORMAT, rate_beside_frames(document, source))
+
+
+def _frames(document: Any, source: Source) -> list[Any]:
+    content = document
+    for _ in range(3):  # a document around the frames, or two
+        if not isinstance(content, dict):
+            break
+        lists = [value for value in content.values() if isinstance(value, list) and len(value) > 1]
+        inner: Any = max(lists, key=len, default=None)
+        if inner is None or not isinstance(inner[0], dict | list):
+            wrapped = [value for value in content.values() if isinstance(value, dict)]
+            if len(wrapped) != 1:
+                content = wrapped
+                break
+            inner = wrapped[0]
+        content = inner
+    if not isinstance(content, list) or not content:
+        raise NotACaptureError(source.path, expected="a list of frames", found="none")
+    if len(content) > _MOST_FRAMES:
+        raise source.error(expected=f"at most {_MOST_FRAMES} frames", found=f"{len(content)}")
+    return content
+
+
+def _rows(frame: Any) -> Iterator[dict[str, Any]]:
+    """Name of a column -> number or word, for each body of a frame."""
+    people = _people(frame)
+    if people is None:
+        yield dict(_cells(frame))
+        return
+    key, bodies = people
+    common = dict(_cells({name: value for name, value in frame.items() if name != key}))
+    for place, body in enumerate(bodies):
+        cells = dict(_cells(body))
+        if len(cells) >= _FEWEST_NUMBERS:
+            own = next((name for name in cells if name.lower() == "id" or is_person(name)), None)
+            yield {_PERSON: cells.pop(own) if own else place, **common, **cells}
+
+
+def _people(frame: Any) -> tuple[str, list[Any]] | None:
+    """The key of the list of bodies in a frame, and these."""
+    if not isinstance(frame, dict):
+        return None
+    for key, value in frame.items():
+        bodies = value if isinstance(value, list) and all(isinstance(one, dict) for one in value) else []
+        if any(len(dict(_cells(one))) >= _FEWEST_NUMBERS for one in bodies):
+            return key, bodies
+    return None
+
+
+def _cells(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """The numbers and words within a value, by the way to them: "joints.KneeLeft.Position.X"."""
+    if isinstance(value, bool) or value is None:
+        return
+    if isinstance(value, int | float | str):
+        yield path or "value", " ".join(value.split()) if isinstance(value, str) else value
+    elif isinstance(value, list):
+        axes = "xyzw" if len(value) in (3, 4) and all(_is_number(one) for one in value) else ""
+        for place, one in enumerate(value):
+            yield from _cells(one, _joined(path, axes[place] if axes else _name(one) or f"{place}"))
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            if key.lower() in _PICTURE or (path and key.lower() in _NAMES and isinstance(one, str)):
+                continue
+            camera = _CAMERA.fullmatch(key)
+            yield from _cells(one, _joined(path, camera[1].lower() if camera else key))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _name(joint: Any) -> str | None:
+    """What a joint in a list is called."""
+    if not isinstance(joint, dict):
+        return None
+    found = (value for key, value in joint.items() if key.lower() in _NAMES and isinstance(value, str))
+    return next(found, None)
+
+
+def _joined(path: str, key: str) -> str:
+    key = " ".join(key.split())
+    return f"{path}.{key}" if path else key
