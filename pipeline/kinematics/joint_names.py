@@ -67,6 +67,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*lowerarm",
         "*lowarm",
         "*farm",
+        "*larm",
         "lowerarm*",
         "forearm*",
         "*forearmbend",

@@ -1,7 +1,8 @@
 """C3D files: a Kinect's joints that a recorder exported, or a laboratory's markers.
 
 The file names its points, their unit and rate. Axes are the laboratory's; Y_SCREEN says which points up, if
-it is filled in. A point with a negative residual was not seen. Needs the library ezc3d (the extra `c3d`).
+it is filled in. A point with a negative residual was not seen. Instead of points, a file may have segments
+with matrices of 4 by 4, of which the origins are read. Needs the library ezc3d (the extra `c3d`).
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ _UP: dict[str, Array] = {
 # In metres: usual distance between the outermost points of an adult's body, and its limits.
 _ADULT_SPAN, _SPAN_LIMITS = 1.6, (0.6, 3.0)
 _MAX_RATE = 10000.0
+# Of markers in a file without a rate, in Hz: the usual one of laboratories.
+RATE = 100.0
 
 
 def recognises(source: Source) -> bool:
@@ -99,8 +102,12 @@ def read(source: Source) -> Clip:
             world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
             angles=angles_of_recorder(angle_columns),
         )
-    if not 0.0 < rate <= _MAX_RATE:
+    if not 0.0 <= rate <= _MAX_RATE:
         raise source.error(expected="a rate in Hz in POINT:RATE", found=f"{rate:g}")
+    if rate == 0.0:
+        rate = RATE
+        text = f"the file has no rate: {RATE:g} Hz, unless --rate says what it has"
+        wrong.append(Defect("wrong_rate", 1, "rates", "flagged", text))
     notes = []
     if up not in _UP:
         stated = f"the file states {up[:8]} as up, which is not supported" if up else "the file states no up"

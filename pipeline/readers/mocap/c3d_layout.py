@@ -67,6 +67,8 @@ def _frames(source: Source, order: str, *, decodes_floats: bool) -> tuple[int, i
         scale = -1.0 if source.content[13] & 0x80 else 1.0
     frame = (4 * points + analog) * (4 if scale < 0 else 2)
     data = (block - 1) * BLOCK
+    if not points and b"ROTATION" in source.content and last >= first > 0:
+        return last - first + 1, first, last, points  # segments instead of points, which ezc3d checks
     if not points or last < first or not first:
         raise source.error(expected="points and frames", found=f"{points} points in frames {first} to {last}")
     if block < 2 or data > len(source.content):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -23,8 +24,11 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap.c3d_mips import as_intel, is_mips
 
 _TIMEOUT = 120
+# What ends the label of a matrix: l_thigh_4X4.
+_MATRIX = re.compile(r"[_ ]?4x4$", re.IGNORECASE)
 # Memory limit of the process in bytes. ezc3d takes about 20 per byte of an intact file.
 _BASE_MEMORY, _MEMORY_PER_BYTE, _MAX_MEMORY = 2**30, 32, 4 * 2**30
 
@@ -52,7 +56,7 @@ def read_points(source: Source) -> Points:
         )
     with tempfile.TemporaryDirectory() as folder:
         file, out = Path(folder) / "capture.c3d", Path(folder) / "points.npz"
-        file.write_bytes(source.content)
+        file.write_bytes(as_intel(source) if is_mips(source.content) else source.content)
         command = [sys.executable, "-m", __spec__.name, str(file), str(out)]
         # One thread per core would use up the limited memory before anything is read.
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
@@ -92,13 +96,27 @@ def _extract(file: str, out: str) -> None:
     labels = names[: points.shape[1]]
     seen = np.isfinite(points).all(axis=0) & (residuals >= 0)
     positions = np.where(seen, points, np.nan).transpose(2, 1, 0)[:, : len(labels)]
+    rate = float(_first(parameters, "RATE", 0.0))
+    if not labels and "ROTATION" in content["parameters"]:
+        labels, positions, rate = _segments(content, rate)
     metadata = {
         "labels": labels,
-        "rate": float(_first(parameters, "RATE", 0.0)),
+        "rate": rate,
         "units": str(_first(parameters, "UNITS", "")).strip(),
         "up": str(_first(parameters, "Y_SCREEN", "")).strip(),
     }
     np.savez(out, positions=positions, metadata=np.array(json.dumps(metadata)))
+
+
+def _segments(content: Mapping[str, Any], rate: float) -> tuple[list[str], Array, float]:
+    """Labels, origins (T, N, 3) and rate of segments whose positions and rotations are matrices of 4 by 4, as
+    markerless systems (Theia3D) write them: the origin of a thigh is the hip, of a shank the knee."""
+    parameters = content["parameters"]["ROTATION"]
+    matrices = np.asarray(content["data"]["rotations"], dtype=np.float64)
+    labels = [_MATRIX.sub("", str(name).strip()) for name in parameters["LABELS"]["value"]]
+    labels = labels[: matrices.shape[2]]
+    origins = matrices[:3, 3, : len(labels)].transpose(2, 1, 0)
+    return labels, origins, float(_first(parameters, "RATE", rate)) or rate
 
 
 def _first(parameters: Mapping[str, Any], key: str, default: Any) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples.c3d import files, kinect, written
+from samples.c3d import big_endian, files, kinect, segments, written
 from samples.motion import in_sight, walk
 from samples.mutate import mutated
 from samples.trc import RATE, markers
@@ -133,8 +133,8 @@ def test_unreadable_files_are_reported() -> None:
     points = np.stack(list(places.values()), axis=1)
     with pytest.raises(CaptureError, match=r"expected POINT:UNITS of m, cm, mm, or .* found '' and a body"):
         read(written(list(places), 1e-3 * points, rate=RATE))
-    with pytest.raises(CaptureError, match="expected a rate in Hz in POINT:RATE, found 0"):
-        read(with_rate(written(list(places), points, rate=RATE, units="m"), 0.0))
+    with pytest.raises(CaptureError, match="expected a rate in Hz in POINT:RATE, found -1"):
+        read(with_rate(written(list(places), points, rate=RATE, units="m"), -1.0))
     with pytest.raises(CaptureError, match=r"found none for left ASIS; right ASIS; .* among A, B"):
         read(written(["A", "B"], points[:, :2], rate=RATE, units="m"))
 
@@ -233,3 +233,23 @@ def test_frames_beyond_what_the_header_counts_are_reported() -> None:
     assert abs(defect.count - (70_000 - 65535)) < 512 / 16  # the last block is padded
     assert c3d.unread_frames(long, 70_000) == []
     assert c3d.unread_frames(Source(Path("walk.c3d"), MARKERS, ""), 30) == []
+
+
+def test_a_file_of_a_big_endian_computer_is_the_same() -> None:
+    assert np.array_equal(read(big_endian(MARKERS)).positions, read(MARKERS).positions, equal_nan=True)
+    damaged = bytearray(big_endian(MARKERS))
+    damaged[damaged.index(b"LABELS") + 8] = 99  # the type of its values
+    with pytest.raises(CaptureError, match="expected parameters of a C3D file, found damage"):
+        read(bytes(damaged))
+
+
+def test_origins_of_segments_are_the_joints() -> None:
+    clip = read(segments(30))
+    assert_is_the_walk(clip, 1e-6)
+    assert clip.rate == pytest.approx(RATE)
+
+
+def test_a_file_without_a_rate_is_read_at_100_hz() -> None:
+    clip = read(with_rate(MARKERS, 0.0))
+    assert clip.rate == pytest.approx(100.0)
+    assert rules(clip) == ["wrong_rate"]
