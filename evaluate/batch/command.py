@@ -16,7 +16,7 @@ from kinemimic.evaluate.batch.batch import MEMORY_GIB, TIMEOUT, batch, found_not
 from kinemimic.evaluate.batch.task import TARGETS
 from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.main import BAD_INPUT
-from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
+from kinemimic.pipeline.cli.options import Decorator, jobs_option, json_option, out_option, ray_option
 from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.filters.options import ingest_options
@@ -31,15 +31,13 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": 
 
 @click.command("batch")
 @click.argument("sources", nargs=-1, required=True, metavar="SOURCE...")
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help="Folder of the run folders, the table, the data set and its page.")  # fmt: skip
+@out_option("Folder of the run folders, the table, the data set and its page.")
 @click.option("--to", type=click.Choice(list(TARGETS)), default="motion", show_default=True,
               help="Last result: quaternions, the motion, or the scores of the tracker on it.")  # fmt: skip
 @click.option("--subject", metavar="REGEX",
               help="Matches the subject at the start of a file's name; the subject is the first group, or "
                    "the whole match. Default: up to the first underscore.")  # fmt: skip
-@click.option("-j", "--jobs", type=click.IntRange(min=1),
-              help="Captures processed in parallel. Default: one per core.")  # fmt: skip
+@jobs_option("Captures processed in parallel.")
 @click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip
 @click.option("--limit-memory", "memory", type=FiniteRange(min=0.5), metavar="GIB", default=MEMORY_GIB,

@@ -21,7 +21,7 @@ from kinemimic.evaluate.compare.packed_cell import spread
 from kinemimic.evaluate.compare.table import tables
 from kinemimic.evaluate.compare.task import Task, task_summary
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
-from kinemimic.pipeline.cli.options import json_option, ray_option
+from kinemimic.pipeline.cli.options import jobs_option, json_option, out_option, ray_option
 from kinemimic.pipeline.cli.progress import bars
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
@@ -223,9 +223,8 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="End a variant early; repeatable.")  # fmt: skip
 @click.option("--hidden", multiple=True, metavar="[VARIANT=]UNITS,…",
               help="Hidden layers of all variants, such as 128,64, or of one; repeatable.")  # fmt: skip
-@click.option("--jobs", type=click.IntRange(min=1), help="Parallel training runs. Default: one per core.")
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
-              show_default=True, help="Output folder.")  # fmt: skip
+@jobs_option("Parallel training runs.")
+@out_option("Output folder.", Path("runs/compare"))
 @ray_option
 @engine_option
 @click.option("--anyway", is_flag=True, help="Also train on motions that the check before training refuses.")

@@ -17,7 +17,7 @@ from kinemimic.evaluate.batch.command import STAGE_OPTIONS
 from kinemimic.evaluate.batch.sources import paths_of, run_folders
 from kinemimic.evaluate.workflow.start import for_tracker
 from kinemimic.pipeline.cli.finite_range import FiniteRange
-from kinemimic.pipeline.cli.options import json_option, seed_option
+from kinemimic.pipeline.cli.options import jobs_option, json_option, out_option, seed_option
 from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
@@ -25,6 +25,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.retarget.dataset.split import SUBJECT, subject_in, subject_pattern
 
 if TYPE_CHECKING:
+    from kinemimic.retarget.humanoid.motion import Motion
     from kinemimic.retarget.library.motion_library import Entry
 
 
@@ -73,43 +74,57 @@ def library(
             f"without one; {runs / 'batch.csv'} has the reasons"
         )
     motions = [read_motion_json(Path(row["folder"]) / "motion.json") for row in accepted]
-    entries: list[Entry] = [
+    entries = [
         _entry(row, motion, subjects[row["file"]], runs, test)
         for row, motion in zip(accepted, motions, strict=True)
     ]
     made = made_variants(motions, entries, variants, exercises, seed, jobs)
+    config = {
+        "subject": subject,
+        "test": sorted(test),
+        "variants": variants,
+        "exercises": exercises,
+        **options,
+    }
     described = {
         "subject": subject,
-        "splits": {
-            split: {
-                "subjects": sorted({entry.subject for entry in entries if entry.split == split}),
-                "motions": dict(Counter(entry.kind for entry in entries if entry.split == split)),
-            }
-            for split in ("train", "test")
-        },
+        "splits": _splits(entries),
         "variants": dict(Counter(entry.kind for _, entry in made)),
         "refused": {row["file"]: row["reason"] for row in rows if row["status"] != ACCEPTED},
-        "motions": [
-            {"file": row["file"], "sha256": row["sha256"], "motion": motion.identity}
-            for row, motion in zip(accepted, motions, strict=True)
-        ]
-        + [{"motion": motion.identity} for motion, _ in made],
+        "motions": _origins(accepted, motions, [motion for motion, _ in made]),
         "provenance": provenance(
             "library",
             inputs={row["file"]: row["sha256"] for row in accepted if row["sha256"]},
-            config={
-                "subject": subject,
-                "test": sorted(test),
-                "variants": variants,
-                "exercises": exercises,
-                **options,
-            },
+            config=config,
             seed=seed,
         ),
     }
     motions += [motion for motion, _ in made]
     entries += [entry for _, entry in made]
     return write_library(out, MotionLibrary.of(motions, entries), described)
+
+
+def _origins(
+    rows: Sequence[Mapping[str, Any]], motions: Sequence[Motion], variants: Sequence[Motion]
+) -> list[dict[str, Any]]:
+    """Where each motion of the library comes from; `rows` and `motions` of the accepted captures match."""
+    captured = [
+        {"file": row["file"], "sha256": row["sha256"], "motion": motion.identity}
+        for row, motion in zip(rows, motions, strict=True)
+    ]
+    return [*captured, *({"motion": motion.identity} for motion in variants)]
+
+
+def _splits(entries: Sequence[Entry]) -> dict[str, Any]:
+    """Subjects and numbers of motions of each kind, by split."""
+    splits = {split: [one for one in entries if one.split == split] for split in ("train", "test")}
+    return {
+        split: {
+            "subjects": sorted({one.subject for one in members}),
+            "motions": dict(Counter(one.kind for one in members)),
+        }
+        for split, members in splits.items()
+    }
 
 
 def _require_subjects(files: Sequence[Path], pattern: re.Pattern[str], test: Collection[str]) -> None:
@@ -153,7 +168,7 @@ def _without_subject(name: str) -> KinemimicError:
     )
 
 
-def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: Collection[str]) -> Entry:
+def _entry(row: Mapping[str, Any], motion: Motion, subject: str, runs: Path, test: Collection[str]) -> Entry:
     from kinemimic.retarget.library.motion_library import Entry  # noqa: PLC0415 (import cost)
 
     x, y, z = (float(value) for value in motion.cycle_offset)
@@ -174,8 +189,7 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
 @click.command("library")
 @click.argument("sources", nargs=-1, required=True, metavar="SOURCE...",
                 type=click.Path(path_type=Path))  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help="Folder of the library; its run folders are in OUT/runs.")  # fmt: skip
+@out_option("Folder of the library; its run folders are in OUT/runs.")
 @click.option("--subject", metavar="REGEX", default=SUBJECT, show_default=True,
               help="Matches the subject at the start of a file's name; the subject is the first group, or "
                    "the whole match.")  # fmt: skip
@@ -187,8 +201,7 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
 @click.option("--exercises", type=click.IntRange(min=0), default=0, show_default=True,
               help="Add this many random exercises on the spot: squats, bends, reaches, steps.")  # fmt: skip
 @seed_option("Random seed of variants and exercises.")
-@click.option("-j", "--jobs", type=click.IntRange(min=1),
-              help="Captures processed in parallel. Default: one per core.")  # fmt: skip
+@jobs_option("Captures processed in parallel.")
 @click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip
 @json_option("Print library.json.")

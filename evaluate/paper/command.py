@@ -30,7 +30,7 @@ from kinemimic.evaluate.paper.processing_times import measured_on, processing_ti
 from kinemimic.evaluate.paper.room_walks import rooms
 from kinemimic.evaluate.paper.summary import markdown
 from kinemimic.evaluate.robustness.scenario_trials import Trials
-from kinemimic.pipeline.cli.options import json_option, ray_option, seed_option
+from kinemimic.pipeline.cli.options import json_option, out_option, ray_option, seed_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import PERCENT
@@ -196,8 +196,7 @@ def table(content: Row) -> RenderableType:
     default=SHIPPED,
     help="Results of `compare`; default: the shipped ones.",
 )
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
-              show_default=True, help="Output folder.")  # fmt: skip
+@out_option("Output folder.", Path("runs/study"))
 @click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True,
               help="Trials of every policy in each scenario.")  # fmt: skip
 @click.option("--rooms", "walks", type=click.IntRange(min=1, max=10_000), default=ROOMS, show_default=True,

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.scoring.metrics.library_scores import score_library, summaries
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, out_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import grid, number, show
 from kinemimic.pipeline.errors import KinemimicError
@@ -85,8 +85,7 @@ def evaluate_tracker(
 @click.argument("library", type=click.Path(path_type=Path))
 @click.option("--policy", metavar="POLICY", default="tracker", show_default=True,
               help="Name of a shipped tracker, or folder of one.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help=f"Folder of {SCORES}.")  # fmt: skip
+@out_option(f"Folder of {SCORES}.")
 @click.option("--split", type=click.Choice(["train", "test"]), help="Score only this split. Default: both.")
 @engine_option
 @workers_option

@@ -75,7 +75,7 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
     "--policy",
     default="tracker",
     show_default=True,
-    metavar="NAME",
+    metavar="POLICY",
     help="Name of a shipped tracker, or folder of one.",
 )
 @click.option("--run", type=RunFolder(), default=Path("runs/stream"), show_default=True,

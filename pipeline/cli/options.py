@@ -131,6 +131,18 @@ def json_option(text: str) -> Callable[[Command], Command]:
     return click.option("--json", "as_json", is_flag=True, help=text)
 
 
+def jobs_option(text: str) -> Callable[[Command], Command]:
+    """--jobs, a number of processes or None for one per core."""
+    return click.option("-j", "--jobs", type=click.IntRange(min=1), help=f"{text} Default: one per core.")
+
+
+def out_option(text: str, default: Path | None = None) -> Callable[[Command], Command]:
+    """--out, the folder of the results; required without a default."""
+    # click takes a default of None for a value.
+    how = {"required": True} if default is None else {"default": default, "show_default": True}
+    return click.option("--out", type=click.Path(path_type=Path, file_okay=False), help=text, **how)
+
+
 # LOCAL of parallel/cluster.py, in place of an address.
 ray_option: Decorator = click.option(
     "--ray",

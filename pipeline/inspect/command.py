@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from kinemimic.pipeline.cli.main import BAD_INPUT, INTERRUPTED
-from kinemimic.pipeline.cli.options import json_option, rate_option, unit_option
+from kinemimic.pipeline.cli.options import jobs_option, json_option, rate_option, unit_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
@@ -44,11 +44,7 @@ from kinemimic.pipeline.readers.search import find_files
 )
 @unit_option("Length unit of the files. Default: as declared by the format, or inferred from body size.")
 @rate_option("True frame rate of the files in Hz. Default: from each file's clock.")
-@click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    help="Files inspected in parallel. Default: one per core.",
-)
+@jobs_option("Files inspected in parallel.")
 def command(
     paths: tuple[Path, ...],
     plot: Path | None,

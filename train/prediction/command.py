@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from kinemimic.pipeline.arrays import Floats
-from kinemimic.pipeline.cli.options import json_option, seed_option
+from kinemimic.pipeline.cli.options import json_option, out_option, seed_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import minutes
 from kinemimic.pipeline.errors import KinemimicError
@@ -112,8 +112,7 @@ def _learned(
 
 @click.command("train-predictor")
 @click.argument("library", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help="Folder of the predictor.")  # fmt: skip
+@out_option("Folder of the predictor.")
 @click.option("--moments", "count", type=click.IntRange(min=1), default=MOMENTS, show_default=True,
               help="Moments of the motions to learn from.")  # fmt: skip
 @seed_option()

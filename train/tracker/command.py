@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.cli.options import json_option, ray_option, seed_option
+from kinemimic.pipeline.cli.options import json_option, out_option, ray_option, seed_option
 from kinemimic.pipeline.cli.progress_state import minutes as in_minutes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -176,8 +176,7 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
 
 @click.command("train-tracker")
 @click.argument("library", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help="Folder of the policy and its checkpoint.")  # fmt: skip
+@out_option("Folder of the policy and its checkpoint.")
 @click.option("--preset", type=click.Choice(list(TRACKER_PRESETS)), default=TRACKER, show_default=True,
               help="tracker: any motions; standing: those without strides, on the spot.")  # fmt: skip
 @click.option("--from", "start", metavar="POLICY",

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.cli.options import json_option, seed_option
+from kinemimic.pipeline.cli.options import json_option, out_option, seed_option
 from kinemimic.pipeline.cli.progress_state import minutes
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.sim.options import engine_option, workers_option
@@ -27,8 +27,7 @@ def summary(record: Mapping[str, Any]) -> list[str]:
 
 @click.command("correct-tracker")
 @click.argument("library", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help="Folder of the corrected policy.")  # fmt: skip
+@out_option("Folder of the corrected policy.")
 @click.option("--from", "start", metavar="POLICY", default="tracker", show_default=True,
               help="The tracker: a name or a folder.")  # fmt: skip
 @click.option("--rounds", type=click.IntRange(1, 10), default=ROUNDS, show_default=True,

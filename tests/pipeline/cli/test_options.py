@@ -11,7 +11,7 @@ import torch
 from click.testing import CliRunner
 
 from kinemimic.pipeline.cli.main import COMMANDS, load_command
-from kinemimic.pipeline.cli.options import LARGEST_SEED, run_option, seed_option
+from kinemimic.pipeline.cli.options import LARGEST_SEED, out_option, run_option, seed_option
 from kinemimic.pipeline.errors import KinemimicError
 
 
@@ -56,3 +56,25 @@ def test_all_commands_take_the_same_seeds() -> None:
             if "--seed" in option.opts:
                 assert isinstance(option.type, click.IntRange)
                 assert (option.type.min, option.type.max) == (0, LARGEST_SEED), name
+
+
+def test_an_output_folder_is_required_without_a_default() -> None:
+    def shown(default: Path | None, *arguments: str) -> tuple[int, str]:
+        @click.command()
+        @out_option("Folder.", default)
+        def command(out: Path) -> None:
+            click.echo(out)
+
+        result = CliRunner().invoke(command, arguments)
+        return result.exit_code, result.output.strip()
+
+    status, message = shown(None)
+    assert status == 2 and "Missing option '--out'" in message
+    assert shown(None, "--out", "a") == shown(Path("b"), "--out", "a") == (0, "a")
+    assert shown(Path("b")) == (0, "b")
+
+
+def test_jobs_have_a_short_name_in_every_command() -> None:
+    for name in COMMANDS:
+        for option in load_command(name).params:
+            assert ("--jobs" in option.opts) == ("-j" in option.opts), name
