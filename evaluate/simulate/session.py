@@ -7,14 +7,12 @@ the last bit, on the same engine.
 from __future__ import annotations
 
 import hashlib
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import trial_start
-from kinemimic.evaluate.scoring.metrics.scores import advance_along
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView, Score
 from kinemimic.evaluate.simulate.inputs import (
@@ -29,9 +27,9 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
+from kinemimic.evaluate.simulate.score_window import ScoreWindow
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.body import BODIES
@@ -49,8 +47,6 @@ from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
-WINDOW = 10 * CONTROL_RATE  # control steps of the score
-MIN_SCORED = CONTROL_RATE
 LYING = 2 * CONTROL_RATE  # control steps on the ground before an automatic restart
 MAX_OBSTACLES = 20
 
@@ -77,9 +73,7 @@ class Session:
         self._scenario_named = scenario_named
         self._ground = Ground()
         self._effects = Effects()
-        # Of the last control steps: rotations (20, 4) of humanoid and reference, whether it stood, and how
-        # far their roots went (2, 3).
-        self._recent: deque[tuple[Array, Array, bool, Array]] = deque(maxlen=WINDOW)
+        self._window = ScoreWindow()
         self._obstacles: list[Obstacle] = []  # of a person
         self._first = 0  # number of the first obstacle that is there; the others follow
         self._seed, self._start = 0, 0.0  # of the trial
@@ -118,7 +112,7 @@ class Session:
         self._first += len(self.present())
         self._batch.world.close()
         self._batch, self._obstacles, self._seed, self._start = batch, [], seed, phase
-        self._recent.clear()
+        self._window.clear()
         self._reset(phase)
 
     def _reset(self, phase: float) -> None:
@@ -138,7 +132,7 @@ class Session:
         self._fallen_for = 0
         self._outside = np.zeros((len(BODIES), 6))
         self._tilt = self._slope_tilt()
-        self._roots = self._roots_now()
+        self._window.move(self._roots())
 
     def _slope_tilt(self) -> Array:
         """What a person's slope, uphill where the reference goes now, adds to gravity: (3,) m/s²."""
@@ -147,7 +141,7 @@ class Session:
             return np.zeros(3)
         return slope_tilt(self._ground.slope, heading(batch.reference, float(batch.phases[0])))
 
-    def _roots_now(self) -> Array:
+    def _roots(self) -> Array:
         """Positions (2, 3) of the roots of humanoid and reference."""
         return np.stack([self._batch.bodies.positions[0, 0], self._batch.target.positions[0, 0]])
 
@@ -175,7 +169,7 @@ class Session:
             raise KinemimicError("expected no frame: no live capture drives this session")
         if isinstance(event, Restart):
             self._reset(event.phase)
-            self._recent.clear()
+            self._window.clear()
         elif isinstance(event, Enter):
             if self._scenario_named is None and event.scenario:
                 raise KinemimicError("expected no scenario, found that this session knows none")
@@ -241,11 +235,8 @@ class Session:
         if self._fallen_for or batch.fallen()[0]:
             self.falls += self._fallen_for == 0
             self._fallen_for += 1
-        frame, roots = self._frame(drag), self._roots_now()
-        self._recent.append(
-            (frame.rotations, frame.reference_rotations, not frame.fallen, roots - self._roots)
-        )
-        self._roots = roots
+        frame = self._frame(drag)
+        self._window.add(frame, self._roots())
         if frame.fallen:
             if self.restart and self._fallen_for >= LYING:
                 self._reset(self._restart_phase())
@@ -294,18 +285,8 @@ class Session:
         return self._obstacles if scheduled is None else scheduled
 
     def score(self) -> Score | None:
-        """Of the last WINDOW control steps since a person's last restart; None before MIN_SCORED of them."""
-        if len(self._recent) < MIN_SCORED:
-            return None
-        moved, wanted, upright, ways = (np.array(column) for column in zip(*self._recent, strict=True))
-        fits = joint_fits(joint_angles(wanted), joint_angles(moved), upright)
-        return Score(
-            frames=len(upright),
-            upright=int(upright.sum()),
-            knee=fits["knee"].both.r2_upright,
-            hip=fits["hip"].both.r2_upright,
-            speed=_speed_ratio(ways[..., :2]),
-        )
+        """Of the last ten seconds since a person's last restart; None in the first of them."""
+        return self._window.score()
 
     def digest(self) -> str:
         """16 digits that two sessions share if their states are equal to the last bit."""
@@ -329,14 +310,6 @@ def _require_places(scenario: Scenario | None, reference: Reference, phase: floa
     """KinemimicError if a trial of a scenario has no place for an obstacle."""
     if scenario is not None:
         draw_event_schedule(scenario, reference, phase, np.random.default_rng(seed))
-
-
-def _speed_ratio(ways: Array) -> float:
-    """How far the humanoid went along its reference's way, as a share of that way, from steps (N, 2, 2) of
-    humanoid and reference, m; NaN where the reference stands or returns."""
-    went, wanted = ways.sum(axis=0)
-    advance = advance_along(went, ways[:, 1])
-    return float("nan") if advance is None else advance / float(np.linalg.norm(wanted))
 
 
 def _first(bodies: BodyStates) -> BodyStates:

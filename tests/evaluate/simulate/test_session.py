@@ -27,7 +27,7 @@ from kinemimic.evaluate.simulate.inputs import (
     Throw,
 )
 from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
-from kinemimic.evaluate.simulate.session import LYING, MAX_OBSTACLES, Session, _speed_ratio
+from kinemimic.evaluate.simulate.session import LYING, MAX_OBSTACLES, Session
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import rotate
@@ -248,14 +248,6 @@ def test_the_score_counts_the_time_on_the_ground_also_after_a_restart(walk_run: 
     assert (score.frames, score.upright) == (STEPS, sum(not frame.fallen for frame in frames))
     session.apply(Restart())
     assert session.score() is None
-
-
-def test_a_humanoid_that_walks_backward_has_a_negative_speed() -> None:
-    ahead, back, aside = (np.array([x, y]) for x, y in ((0.04, 0.0), (-0.04, 0.0), (0.0, 0.04)))
-    for went, wanted in ((ahead, 1.0), (back, -1.0), (aside, 0.0)):
-        assert _speed_ratio(np.array([[went, ahead]] * 60)) == pytest.approx(wanted)
-    there_and_back = np.array([[ahead, ahead]] * 30 + [[back, back]] * 28)
-    assert np.isnan(_speed_ratio(there_and_back))
 
 
 def test_clear_ends_pushes_also_in_a_scenario_and_replays(walk_run: Path, tmp_path: Path) -> None:
