@@ -82,6 +82,11 @@ class LiveView:
     people: int
     starved: bool
 
+    @property
+    def follows(self) -> bool:
+        """Whether a person is in view and the reference is theirs, not on its way to or from standing."""
+        return self.presence >= 1.0 and not self.starved
+
 
 class LiveSettings(Struct, frozen=True):
     """How a live capture is followed.

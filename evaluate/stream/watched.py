@@ -93,7 +93,7 @@ class Watched:
 
     def _count(self, frame: Frame) -> None:
         self.steps += 1
-        if frame.shown is not None and frame.shown.presence >= 1.0 and not frame.shown.starved:
+        if frame.shown is not None and frame.shown.follows:
             self.followed += 1
             self.upright += not frame.fallen
             if len(self.latencies) < _KEPT:

@@ -8,7 +8,6 @@ the share of the time upright; the latency; the processor's milliseconds for a c
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 import time
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from following import SECONDS, SHARED, played
 
 from kinemimic.evaluate.simulate.frame import LiveSettings
 from kinemimic.evaluate.simulate.recording import begin_live_session
@@ -39,9 +39,6 @@ from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.world import CONTROL_RATE
 
-SHARED = Path(
-    os.environ.get("KINEMIMIC_CAPTURES", Path(__file__).resolve().parents[3] / "shared" / "captures")
-)
 # Optical walks and a run, and depth sensors of two generations.
 CAPTURES = (
     "../corpus/cmu_bvh/07_01.bvh",
@@ -55,7 +52,7 @@ CAPTURES = (
     "kinect1_bernstein_skl/guy_walk_45.skl",
     "kinect2_bernstein_skl/Kinect_v2_v2RanLong.skl",
 )
-SECONDS = 12.0  # of a long capture
+TAIL = 0.6  # s after the end of a capture: the lag, and more
 Curves = dict[str, Array]
 
 
@@ -109,17 +106,15 @@ def live(path: Path, engine: str) -> tuple[Followed, Array, Array]:
         tracker_path("tracker").parent, engine, LiveSettings(place=True), restart=False, named=scenario
     )
     frames, spent = [], []
-    while len(frames) / CONTROL_RATE < min(source.seconds, SECONDS) + 0.6:
-        began = time.process_time()
-        for frame in source.poll(len(frames) / CONTROL_RATE):
-            session.apply(frame)
-        frames.append(session.advance())
+    began = time.process_time()
+    for frame in played(source, session, min(source.seconds, SECONDS) + TAIL):
         spent.append(time.process_time() - began)
-    session.close()
+        frames.append(frame)
+        began = time.process_time()
     # A control step ends at the reference's newest frame.
     shown = [frame.shown for frame in frames]
     # The humanoid is put onto the reference half a second after it took up the person.
-    ready = np.array([one is not None and one.presence >= 1.0 and not one.starved for one in shown])
+    ready = np.array([one is not None and one.follows for one in shown])
     ready &= np.arange(len(ready)) > int(np.argmax(ready)) + 1
     fallen = np.maximum.accumulate(
         [frame.fallen and known for frame, known in zip(frames, ready, strict=True)]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,15 @@ SHARED = Path(os.environ.get("KINEMIMIC_CAPTURES", Path(__file__).parents[3] / "
 SECONDS = 12.0  # of a long capture
 
 
+def played(source: CaptureFile, session: LiveSession, seconds: float) -> Iterator[Frame]:
+    """The control steps of a session that follows a file for `seconds`; closes the session."""
+    for step in range(math.ceil(seconds * CONTROL_RATE)):
+        for frame in source.poll(step / CONTROL_RATE):
+            session.apply(frame)
+        yield session.advance()
+    session.close()
+
+
 def follow(
     path: Path, settings: LiveSettings, engine: str, changed: Callable[[LiveSession], None] | None = None
 ) -> list[Frame]:
@@ -30,16 +40,8 @@ def follow(
     session = begin_live_session(tracker_path("tracker").parent, engine, settings, named=scenario)
     if changed is not None:
         changed(session)
-    frames, step = [], 0
-    while step / CONTROL_RATE < min(source.seconds, SECONDS):
-        for frame in source.poll(step / CONTROL_RATE):
-            session.apply(frame)
-        frames.append(session.advance())
-        step += 1
-    session.close()
-    return [
-        one for one in frames if one.shown is not None and one.shown.presence >= 1.0 and not one.shown.starved
-    ]
+    frames = played(source, session, min(source.seconds, SECONDS))
+    return [one for one in frames if one.shown is not None and one.shown.follows]
 
 
 def steadiness(path: Path, frames: list[Frame]) -> tuple[float, float]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
+from kinemimic.evaluate.simulate.frame import LiveView
 from kinemimic.evaluate.stream.source import Faults
 from kinemimic.evaluate.stream.watched import NoPage, Watched
 
@@ -58,9 +61,9 @@ def test_page_and_terminal_say_why_frames_are_refused() -> None:
 
 def test_a_picture_that_a_paused_page_draws_again_is_no_control_step() -> None:
     def frame(step: int) -> Any:
-        return SimpleNamespace(
-            step=step, fallen=False, shown=SimpleNamespace(presence=1.0, starved=False, latency=0.5)
-        )
+        nothing = np.full((20, 3), np.nan)
+        shown = LiveView(nothing, nothing, time=0.0, presence=1.0, latency=0.5, people=1, starved=False)
+        return SimpleNamespace(step=step, fallen=False, shown=shown)
 
     watched = Watched(NoPage(), SimpleNamespace(faults=Faults()))  # type: ignore[arg-type]
     watched.begin(session(3))
