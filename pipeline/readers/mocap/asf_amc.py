@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.rotations import IDENTITY, conjugate, multiply, rotate
+from kinemimic.pipeline.kinematics.euler import positions_of_channels
+from kinemimic.pipeline.kinematics.joints_by_tree import named_by_tree
+from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
+    Y_UP_TO_Z_UP,
+    conjugate,
+    multiply,
+    rotate,
+)
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
@@ -80,15 +88,18 @@ def read(source: Source) -> Clip:
     values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
 
     names, parents, rests, offsets = _joints(text)
+    orders, euler, root = _channels(text, values, len(names), degrees)
+    translations = np.broadcast_to(offsets, (len(root), len(names), 3)).copy()
+    translations[:, 0] = root
+    named = Skeleton(names, parents, offsets)
+    places = positions_of_channels(named, translations, euler, orders, Y_UP_TO_Z_UP, rests)
+    names, by_tree = named_by_tree(names, parents, places)
     unit = infer_unit(names, parents, offsets[None], skeleton_source.path, named=source.unit)
     skeleton = Skeleton(names, parents, offsets * unit.metres)
-    orders, euler, root = _channels(text, values, len(names), degrees)
-    translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()
-    translations[:, 0] = root * unit.metres
     return clip_of_channels(
         skeleton,
         (amc.numbers[later] - amc.numbers[0]) / rate,
-        translations,
+        translations * unit.metres,
         euler,
         orders,
         format=FORMAT,
@@ -96,7 +107,7 @@ def read(source: Source) -> Clip:
             units=unit.name,
             units_rule=unit.rule,
             defects=[*unit.defects, *defects],
-            notes=[rate_rule],
+            notes=[rate_rule, *([by_tree] if by_tree else [])],
             skeleton=skeleton_source.path.name,
             skeleton_length_scale=text.length,
             channels=int(sum(len(bone.dofs) for bone in text.bones)),

@@ -12,7 +12,8 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import rotations_of_channels
+from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
+from kinemimic.pipeline.kinematics.joints_by_tree import named_by_tree
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.plural import plural
@@ -60,8 +61,8 @@ def read(source: Source) -> Clip:
             advice="no motion was recorded, or the exporter failed",
         )
     orders, euler, offsets = channels(bvh)
-    names = tuple(joint.name for joint in bvh.joints)
     parents = tuple(joint.parent for joint in bvh.joints)
+    names, by_tree = _names(bvh, parents, orders, euler, offsets)
     unit = infer_unit(names, parents, offsets, source.path, named=source.unit)
     translations = offsets * unit.metres
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)
@@ -69,7 +70,9 @@ def read(source: Source) -> Clip:
     defects = unit.defects
     if first:
         defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
-    notes = ["the numbers have decimal commas"] if bvh.commas else []
+    notes = [by_tree] if by_tree else []
+    if bvh.commas:
+        notes.append("the numbers have decimal commas")
     if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
         notes.append("the file has scale channels, which are not applied")
     frames = int(bvh.numbers[-1]) + 1
@@ -98,6 +101,20 @@ def read(source: Source) -> Clip:
             notes=notes,
             channels=int(bvh.motion.shape[1]),
         ),
+    )
+
+
+def _names(
+    bvh: BvhText, parents: tuple[int, ...], orders: tuple[str, ...], euler: Array, offsets: Array
+) -> tuple[tuple[str, ...], str | None]:
+    """The joints' names, as `named_by_tree`."""
+    names = tuple(joint.name for joint in bvh.joints)
+    some = slice(None, None, len(euler) // _SAMPLED_FRAMES + 1)
+    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]))
+    return named_by_tree(
+        names,
+        parents,
+        positions_of_channels(skeleton, offsets[some], euler[some], orders, Y_UP_TO_Z_UP),
     )
 
 
