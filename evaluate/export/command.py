@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import click
+from rich.table import Table
 
 from kinemimic.evaluate.export.both import (
     BOTH,
     PAIR_WRITERS,
-    Pair,
     has_both,
     pair_of_run,
     require_both,
 )
-from kinemimic.evaluate.export.motion_source import SOURCES, MotionSource, source_of_mcap, sources_of_run
+from kinemimic.evaluate.export.files import FORMATS, GLB, NO_MOTION, ONNX, WRITERS, ExportedFile, export
+from kinemimic.evaluate.export.motion_source import SOURCES, source_of_mcap, sources_of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
 from kinemimic.evaluate.scoring.reports.index_page import write_index
@@ -28,118 +27,8 @@ from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.provenance import provenance
-from kinemimic.pipeline.files.sidecars import note_path, write_note
-from kinemimic.pipeline.files.store import write_text
-from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.stage import reading, stage
-from kinemimic.pipeline.writers.bvh import write_bvh
-from kinemimic.pipeline.writers.csv import write_csv
-from kinemimic.pipeline.writers.deepmimic import write_deepmimic
-from kinemimic.pipeline.writers.mot import write_mot
-from kinemimic.pipeline.writers.npz import write_npz
-from kinemimic.pipeline.writers.trc import write_trc
-from kinemimic.retarget.formats.mjcf import humanoid_mjcf
-from kinemimic.retarget.formats.motion_json import motion_to_json
-from kinemimic.retarget.formats.urdf import humanoid_urdf
-from kinemimic.retarget.formats.write_mcap import write_mcap
-from kinemimic.train.sim.world import FRICTION, TIME_STEP
-
-WRITERS: dict[str, Callable[[Path, MotionSource], None]] = {
-    "bvh": lambda path, of: write_bvh(path, of.poses),
-    "trc": lambda path, of: write_trc(path, of.clip),
-    "mot": lambda path, of: write_mot(path, of.on_nodes, measured=of.own_motion is None),
-    "csv": lambda path, of: write_csv(path, of.clip, of.angles),
-    "npz": lambda path, of: write_npz(path, of.poses),
-    "deepmimic": lambda path, of: write_deepmimic(path, of.with_closing_frame, loop=of.motion.cyclic),
-    "json": lambda path, of: write_text(path, motion_to_json(of.motion)),
-    "mcap": lambda path, of: write_mcap(path, of.motion),
-}
-# DeepMimic calls its files .txt, which is ambiguous; two formats here are JSON.
-ENDINGS: dict[str, str] = {name: f".{name}" for name in WRITERS} | {"deepmimic": ".deepmimic.json"}
-GLB, URDF, MJCF, ONNX = "glb", "urdf", "mjcf", "onnx"
-FORMATS: tuple[str, ...] = (*WRITERS, GLB, URDF, MJCF, ONNX)
-# Formats of the humanoid and the policy, which hold no motion.
-NO_MOTION: tuple[str, ...] = (URDF, MJCF, ONNX)
-# The subfolder of RUN/export for each format, named after who opens it.
-FOLDERS: dict[str, str] = {
-    "bvh": "blender", "trc": "opensim", "mot": "opensim", "csv": "tables", "npz": "python",
-    "deepmimic": "deepmimic", "json": "kinemimic", "mcap": "foxglove", GLB: "web", URDF: "ros",
-    MJCF: "mujoco", ONNX: "onnx",
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class ExportedFile:
-    """A written file. frames, rate: of its motion; None if it contains no motion."""
-
-    path: Path
-    what: str
-    format: str
-    frames: int | None
-    rate: float | None
-    note: str
-
-    def record(self) -> dict[str, Any]:
-        """JSON values."""
-        values = {**vars(self), "path": self.path.as_posix(), "bytes": self.path.stat().st_size}
-        return {key: values[key] for key in ("path", "what", "format", "frames", "rate", "bytes", "note")}
-
-
-def export(
-    sources: Mapping[str, MotionSource],
-    formats: Iterable[str],
-    folder: Path,
-    name: str,
-    policy: Path | None = None,
-    pair: Pair | None = None,
-    *,
-    subfolders: bool = False,
-) -> list[ExportedFile]:
-    """Write every motion in every format as folder/name-source.ext, and the body as name-humanoid.ext.
-
-    policy: a trained policy, written as name-policy.onnx; pair: written as name-both.ext; subfolders: write
-    into folder/PROGRAM/, as in FOLDERS.
-
-    Each motion file gets a sidecar file with the ending .provenance.json, because few of these formats can
-    store their origin; `ingest` reads it along with a capture of the same name.
-    """
-    written: list[ExportedFile] = []
-    wanted = [form for form in FORMATS if form in set(formats)]
-    place = {form: folder / FOLDERS[form] if subfolders else folder for form in FORMATS}
-    for what, source in sources.items():
-        paths = {form: place[form] / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form in WRITERS}
-        made_by = provenance("export", inputs=source.inputs, config={"formats": wanted})
-        # A rollout is simulated even if the policy imitates a real recording.
-        made = source.simulated or what == "simulated"
-        # First, so that a file from a simulation always has its sidecar file.
-        for path in sorted({note_path(path) for path in paths.values()}):
-            note = {**source.provenance, "simulated": made, "starts_at_s": source.starts_at, **made_by}
-            write_note(path, note)
-        for form, path in paths.items():
-            WRITERS[form](path, source)
-            written.append(ExportedFile(path, what, form, *source.size(form), source.note(form)))
-    if pair is not None:
-        made_by = provenance("export", inputs=pair.inputs, config={"formats": wanted})
-        record = {**pair.provenance, "simulated": True, **made_by}
-        motion = pair.figures[0].motion
-        for form in (form for form in wanted if form in PAIR_WRITERS):
-            path = place[form] / f"{name}-{BOTH}.{form}"
-            write_note(note_path(path), record)
-            PAIR_WRITERS[form](path, pair, record)
-            written.append(ExportedFile(path, BOTH, form, len(motion.root), motion.rate, pair.remark))
-    mjcf = partial(humanoid_mjcf, time_step=TIME_STEP, gravity=GRAVITY, friction=FRICTION)
-    for form, ending, text in ((URDF, "urdf", partial(humanoid_urdf, "revolute")), (MJCF, "xml", mjcf)):
-        if form in wanted:
-            path = place[form] / f"{name}-humanoid.{ending}"
-            write_text(path, text())
-            hinges = "15 bodies, ball joints as three hinges"
-            written.append(ExportedFile(path, "humanoid", form, None, None, hinges))
-    if ONNX in wanted and policy is not None:
-        path = place[ONNX] / f"{name}-policy.onnx"
-        written.append(ExportedFile(path, "policy", ONNX, None, None, _write_onnx(path, policy)))
-    return written
 
 
 def export_run(
@@ -196,20 +85,6 @@ def _make(out: Path) -> None:
         ) from None
 
 
-def _write_onnx(path: Path, policy: Path) -> str:
-    """Write the policy; returns a remark on the file."""
-    try:
-        from kinemimic.train.rollout.export_onnx import OPSET, write_onnx  # noqa: PLC0415 (an optional package)
-    except ModuleNotFoundError as error:
-        raise KinemimicError(f"{error.name} is not installed; pip install 'kinemimic[onnx]'") from None
-    from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415 (loads the simulation)
-
-    actor, record = Policy.load(policy)
-    write_onnx(path, actor, record)
-    observations, actions = actor.shape
-    return f"observation (N, {observations}) to action (N, {actions}), opset {OPSET}; see its metadata"
-
-
 def _check_options(
     what: tuple[str, ...], formats: tuple[str, ...], number: int | None, source: Path | None, recover: bool
 ) -> None:
@@ -230,6 +105,21 @@ def _check_options(
         )
     if number is not None and what and "capture" not in what:
         raise click.UsageError("--pass selects a pass of the capture: add --what capture")
+
+
+def _table(written: Sequence[ExportedFile], top: Path) -> Table:
+    """A row per file, with its path below a folder."""
+    table = grid("file", "frames", "Hz", "KB", left=1)
+    table.add_column("", overflow="fold")
+    for one in written:
+        table.add_row(
+            one.path.relative_to(top).as_posix(),
+            "-" if one.frames is None else str(one.frames),
+            "-" if one.rate is None else f"{one.rate:.4g}",
+            f"{one.path.stat().st_size / 1e3:.0f}",
+            one.note,
+        )
+    return table
 
 
 @click.command("export")
@@ -305,15 +195,5 @@ def command(
         click.echo(json.dumps([one.record() for one in written], indent=2))
         return
     top = out or (run / "export" if run is not None and source is None else written[0].path.parent.parent)
-    table = grid("file", "frames", "Hz", "KB", left=1)
-    table.add_column("", overflow="fold")
-    for one in written:
-        table.add_row(
-            one.path.relative_to(top).as_posix(),
-            "-" if one.frames is None else str(one.frames),
-            "-" if one.rate is None else f"{one.rate:.4g}",
-            f"{one.path.stat().st_size / 1e3:.0f}",
-            one.note,
-        )
-    show(table)
+    show(_table(written, top))
     echo(f"in {top}")

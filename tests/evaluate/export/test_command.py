@@ -14,7 +14,8 @@ from peers.exported import of
 from samples.motion import rigid_walk
 
 from kinemimic.evaluate.export.both import require_both
-from kinemimic.evaluate.export.command import WRITERS, command, export, export_run
+from kinemimic.evaluate.export.command import command, export_run
+from kinemimic.evaluate.export.files import WRITERS, export
 from kinemimic.evaluate.export.motion_source import SOURCES, sources_of_run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError

@@ -13,7 +13,7 @@ from peers.exported import FRAMES, captured, of
 from samples.converted import write_converted
 
 from kinemimic.evaluate.export.both import pair_of_run
-from kinemimic.evaluate.export.command import export
+from kinemimic.evaluate.export.files import export
 from kinemimic.evaluate.export.motion_source import SOURCES, source_of_mcap, sources_of_run
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
