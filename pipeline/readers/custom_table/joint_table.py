@@ -9,12 +9,10 @@ of any convention, and are left out.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
 
 import msgspec
-import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -23,8 +21,8 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.custom_table.body_rows import from_first_body, of_one_person
 from kinemimic.pipeline.readers.custom_table.custom_table import clip_of
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.description_file import parse
@@ -33,9 +31,7 @@ from kinemimic.pipeline.readers.custom_table.stacked_header import with_one_head
 from kinemimic.pipeline.readers.custom_table.suggest import draft
 from kinemimic.pipeline.readers.custom_table.suggest_layout import Layout, layout_of
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_of
-from kinemimic.pipeline.readers.custom_table.table import Cells
 from kinemimic.pipeline.readers.custom_table.tree import tree_of
-from kinemimic.pipeline.readers.landmarks.one_person import is_person
 from kinemimic.pipeline.readers.landmarks.video_clock import RATE, Rate
 
 FORMAT = Format(
@@ -57,7 +53,7 @@ _MARGIN = 0.1
 
 def recognises(source: Source) -> bool:
     """True if the first lines are a table in which the joints are certain."""
-    return _layout(with_one_header(source)) is not None
+    return _layout(from_first_body(with_one_header(source))) is not None
 
 
 def read(source: Source) -> Clip:
@@ -70,21 +66,24 @@ def read(source: Source) -> Clip:
 
 def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> Clip:
     """`read`, for a table that is recognised, in a file of some format; rate: the one that it states."""
-    source = with_one_header(source)
+    source = from_first_body(with_one_header(source))
     found = _layout(source)
     assert found is not None  # noqa: S101 (recognises() holds)
     sheet, layout = found
     description = parse(source.path, draft(source, sheet, layout))
+    alone, others = of_one_person(source, sheet, description, _DRAFT)
+    if alone is not source:  # whose rows have a clock of their own
+        source, (sheet, layout) = alone, _layout(alone) or found
+        description = parse(source.path, draft(source, sheet, layout))
     if description.clock.counted:
         rate = rate or Rate(RATE)
         clock = msgspec.structs.replace(description.clock, rate=rate.hertz)
         description = replace(description, clock=clock)
-    source, others = _of_one_person(source, sheet, description)
     rows = rows_of(source, description, _DRAFT)
     record = reading(
         units=description.space.unit,
         units_rule="thigh and shank as long as a person's",
-        defects=[*rows.defects, *others],
+        defects=[*rows.defects, *others, *_mirrored(description, len(rows.times))],
         notes=_notes(description, layout, rate),
         columns=sheet.width,
     )
@@ -122,32 +121,15 @@ def _is_certain(layout: Layout) -> bool:
     return whole and all(one.position for one in layout.columns) and layout.margin >= _MARGIN
 
 
-def _of_one_person(source: Source, sheet: Sheet, description: Description) -> tuple[Source, list[Defect]]:
-    """The source with the rows of one person, blank lines in place of the others; and a defect for these.
-
-    It is the one who is seen in most rows: some recorders write zeros for people who are not there.
-    """
-    column = next((k for k, name in enumerate(sheet.names) if is_person(name)), None)
-    if column is None:
-        return source, []
-    cells = Cells(source, description.text, _DRAFT)
-    clock = description.clock.column
-    words = [column] if clock is None else [column, cells.index(clock, "time.column")]
-    joints = {cells.index(one, "columns") for joint in description.joints for one in joint.position}
-    values, texts = cells.read(sorted(joints), words)
-    people, seen = texts[0].codes, np.asarray((np.isfinite(values) & (values != 0.0)).any(axis=1))
-    count = Counter(people[seen].tolist())
-    if len(count) < 2:
-        return source, []
-    main = count.most_common(1)[0][0]
-    numbers = np.array(cells.lines_of_rows())
-    dropped = set(numbers[people != main].tolist())
-    lines = ["" if number in dropped else line for number, line in enumerate(source.lines, 1)]
-    frames: dict[int, set[int]] = {}
-    moments = texts[1].codes if clock is not None else np.arange(len(people))
-    for moment, person in zip(moments[seen].tolist(), people[seen].tolist(), strict=True):
-        frames.setdefault(moment, set()).add(person)
-    return source.with_text("\n".join(lines)), list(other_people(list(frames.values()), main))
+def _mirrored(description: Description, frames: int) -> list[Defect]:
+    """A defect for axes that are taken as left-handed (see quality/rules/mirrored_body.py)."""
+    if description.space.left is None:
+        return []
+    text = (
+        "toes point backward in right-handed axes: taken as left-handed, names kept; if left and right are "
+        "exchanged instead, each leg's curves are the other's"
+    )
+    return [Defect("mirrored", frames, "frames", "repaired", text)]
 
 
 def _notes(description: Description, layout: Layout, rate: Rate | None) -> list[str]:

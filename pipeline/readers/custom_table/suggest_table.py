@@ -55,9 +55,10 @@ class Sheet:
 
 def sheet_of(source: Source) -> Sheet:
     """The table in a text; CaptureError if there is none."""
-    lines = list(enumerate(islice(source.lines, _MAX_ROWS + _SAMPLED_LINES), 1))
+    numbered = ((number, text) for number, text in enumerate(source.lines, 1) if text.strip())
+    lines = list(islice(numbered, _MAX_ROWS + _SAMPLED_LINES))
     comment = next((mark for mark in _COMMENTS if any(text.startswith(mark) for _, text in lines)), "")
-    filled = [(n, text) for n, text in lines if text.strip() and not (comment and text.startswith(comment))]
+    filled = [(n, text) for n, text in lines if not (comment and text.startswith(comment))]
     # Sampled from the whole file: recorders write other lines until a person is tracked.
     separator, width = _detect_separator(
         [text for _, text in filled[:: max(1, len(filled) // _SAMPLED_LINES)]]

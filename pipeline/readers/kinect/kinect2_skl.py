@@ -53,6 +53,7 @@ _ADULT_LENGTHS: dict[str, float] = {"SpineMid": 0.31, "SpineShoulder": 0.23, "Ne
         ("Foot", 0.14),
     )
 }  # fmt: skip
+_UNITS = (1.0, 0.01, 0.001)  # metres, centimetres, millimetres
 # Medians over this many frames, evenly spread, are as good as over all.
 _SAMPLED_FRAMES = 1000
 # Real bones are within a fifth of these lengths, a child's all half of them; names in a wrong order are off
@@ -168,9 +169,11 @@ def _header_order(header: Header) -> tuple[int, ...] | None:
 
 
 def order_of(label: str, indices: tuple[int, ...], frames: Frames) -> JointOrder:
-    """The order with the bone lengths that it gives.
+    """The order with the bone lengths that it gives, in metres.
 
-    The variation of lengths over time would not help: any two points of one body keep roughly their distance.
+    The unit is the one in which the bones are nearest to an adult's, as no order changes them by a factor of
+    ten; quality/rules/wrong_units.py scales the clip. The variation of lengths over time would not help: any
+    two points of one body keep roughly their distance.
     """
     some = slice(None, None, 1 + len(frames.times) // _SAMPLED_FRAMES)
     points, states = frames.points[some], frames.states[some]
@@ -185,6 +188,8 @@ def order_of(label: str, indices: tuple[int, ...], frames: Frames) -> JointOrder
     bones = {joint: distance(joint, SDK_PARENTS[SDK_JOINTS.index(joint)]) for joint in _ADULT_LENGTHS}
     ratios = np.maximum(list(bones.values()), 1e-4) / np.array(list(_ADULT_LENGTHS.values()))
     known = ratios[np.isfinite(ratios)]
+    unit = min(_UNITS, key=lambda unit: abs(np.log(unit) + np.mean(np.log(known)))) if len(known) else 1.0
+    bones, known = {joint: unit * length for joint, length in bones.items()}, unit * known
     # Too few bones are not evidence of a body.
     enough = len(known) > len(bones) // 2
     factor = float(np.exp(np.mean(np.abs(np.log(known))))) if enough else np.inf

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kinemimic.pipeline.readers.base.column_names import words_of
+from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, NUMBER
 
 FIELDS: tuple[str, ...] = ("x", "y", "z", "visibility", "presence")
@@ -66,6 +67,8 @@ def landmark_columns(names: Sequence[str]) -> dict[int, tuple[int, str]]:
     """
     parts = {column: part for column, name in enumerate(names) if (part := _Name.of(name)) is not None}
     numbers = {part.number for part in parts.values()}
+    if numbers - {None} == set(range(len(AZURE_JOINTS))):  # another sensor's numbered joints
+        return {}
     first = 1 if len(LANDMARKS) in numbers and 0 not in numbers else 0
     found: dict[int, tuple[int, _Name]] = {}
     for column, part in parts.items():

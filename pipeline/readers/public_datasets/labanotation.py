@@ -6,13 +6,16 @@ Kinect v2 in the SDK's order, metres in camera space, state 0, 1 or 2.
 
 from __future__ import annotations
 
+from itertools import pairwise
+from statistics import median
+
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
-from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.numbers import numbers_of, parse_table
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import begins_with_rows, check_states, sensor_clock
@@ -30,8 +33,13 @@ _WIDTH = 1 + 4 * len(SDK_JOINTS)
 
 
 def recognises(source: Source) -> bool:
-    """True if the first lines are 101 numbers, the first an integer and every fourth after it a state."""
-    return begins_with_rows(source, ",", _is_frame)
+    """True if the first lines are 101 numbers, the first a tick and every fourth after it a state.
+
+    Steps below a thousandth of a second are those of frame numbers or milliseconds.
+    """
+    ticks = [row[0] for line in source.head[:16] if (row := numbers_of(line, ",")) and _is_frame(row)]
+    steps = [after - before for before, after in pairwise(ticks) if after > before]
+    return begins_with_rows(source, ",", _is_frame) and (not steps or median(steps) * TICK > 1e-3)
 
 
 def read(source: Source) -> Clip:

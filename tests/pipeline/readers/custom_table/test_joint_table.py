@@ -122,6 +122,49 @@ def test_of_several_people_the_one_seen_in_most_rows(long: bool, tmp_path: Path)
     assert (defect["rule"], defect["count"]) == ("several_people", 1)
 
 
+def test_one_person_among_rows_of_zeros_for_everybody_else(tmp_path: Path) -> None:
+    """Six bodies in every frame, as an SDK has them; no two rows of one have the same time."""
+    rows = [
+        [float(1000 * time), body, *map(float, points.ravel() * (body == 3))]
+        for time, points in zip(TIMES, POINTS, strict=True)
+        for body in range(6)
+    ]
+    (tmp_path / "a.csv").write_text(table(["timestamp", "BodyIndex", *AXES], rows))
+    assert len(recognise.read(tmp_path / "a.csv").times) == FRAMES
+    truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+    for name, found in angles(tmp_path / "a.csv").items():
+        assert np.degrees(np.abs(found - truth[name])).max() < 0.1
+
+
+@pytest.mark.parametrize("nothing", ["0", "", "NaN"])
+def test_somebody_who_comes_late(nothing: str, tmp_path: Path) -> None:
+    """After more rows than a draft looks at."""
+    early = [[k / 30.0, *[nothing] * len(AXES)] for k in range(2500)]
+    late = [[2500 / 30.0 + row[0], *row[1:]] for row in wide()]  # type: ignore[operator]
+    (tmp_path / "a.csv").write_text(table(["Time", *AXES], [*early, *late]))
+    truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+    for name, found in angles(tmp_path / "a.csv").items():
+        assert np.degrees(np.abs(found - truth[name])).max() < 0.1
+
+
+def test_left_handed_axes_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(LAYOUTS["left-handed"]())
+    (defect,) = recognise.read(tmp_path / "a.csv").provenance["reading"]["defects"]
+    assert (defect["rule"], defect["action"]) == ("mirrored", "repaired")
+
+
+@pytest.mark.parametrize("joints", [20, 25])
+@pytest.mark.parametrize("state", [False, True])
+def test_milliseconds_are_neither_frame_numbers_nor_ticks(joints: int, state: bool, tmp_path: Path) -> None:
+    """Of tables that are as wide as those of UTKinect and KinectReader."""
+    points = POINTS if joints == 20 else y_up(kinect_v2_joints(walk(FRAMES)))
+    if state:
+        points = np.concatenate([points, np.full((*points.shape[:2], 1), 2.0)], axis=-1)
+    rows = [[round(1000 * time), *map(float, p.ravel())] for time, p in zip(TIMES, points, strict=True)]
+    (tmp_path / "a.csv").write_text(table([], rows))
+    assert recognise.read(tmp_path / "a.csv").times[-1] == pytest.approx(TIMES[-1], abs=2e-3)
+
+
 @pytest.mark.parametrize("lacking", ["KneeLeft", "AnkleRight"])
 def test_without_a_leg_a_table_is_no_capture(lacking: str, tmp_path: Path) -> None:
     kept = [k for k, name in enumerate(AXES) if not name.startswith(lacking)]

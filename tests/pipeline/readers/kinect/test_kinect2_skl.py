@@ -13,6 +13,7 @@ from samples.motion import Walk, in_range, kinect_v2_joints, walk
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, KINECT_V2_JOINTS
 from kinemimic.pipeline.readers.recognise import read, read_source
 
@@ -112,6 +113,23 @@ def test_a_clock_of_no_kinect_is_refused() -> None:
         CaptureError, match=r"expected timestamps with steps of 5 to 500 ms, .*, found a median step"
     ):
         clip_of(text(20, SDK, tick=0.01))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mm", 1000.0), ("cm", 100.0)])
+def test_wrong_names_in_another_unit(unit: str, factor: float) -> None:
+    """The lengths tell the unit, and in it the order; the rule for units scales the clip."""
+    lines = [line.split("\t") for line in files(20)["walk_v2.skl"].decode().replace("\r\n", "\n").split("\n")]
+    places = {k for k, name in enumerate(lines[0]) if name.endswith(("_X", "_Y", "_Z"))}
+    scaled = [
+        [f"{factor * float(cell):.6f}" if k in places else cell for k, cell in enumerate(line)]
+        for line in lines[1:]
+        if len(line) > 1
+    ]
+    clip = clip_of("\n".join("\t".join(line) for line in [lines[0], *scaled]))
+    assert defects(clip) == {"wrong_names": 24}
+    checked = check_capture(clip)
+    assert np.abs(checked.clip.positions - truth(20)).max() < 1e-6, unit
+    assert "wrong_units" in {defect.rule for defect in checked.defects if defect.action == "repaired"}
 
 
 def test_implausible_bones_are_refused() -> None:
