@@ -47,6 +47,9 @@ FORMAT = Format(
 RATE = 120.0
 _RATES = (5.0, 2000.0)
 _RATE_KEYWORDS = (":SAMPLES-PER-SECOND", ":FRAMES-PER-SECOND")
+_SUFFIXES = (".asf", ".asf.gz")
+# Names of folders of skeletons.
+_FOLDERS = ("asf", "skeleton", "skeletons")
 _KNEES = {"knee_left": "ltibia", "knee_right": "rtibia"}
 # Enough frames to see which joints bend.
 _SAMPLED_FRAMES = 600
@@ -122,15 +125,10 @@ def read(source: Source) -> Clip:
 
 def _find_skeleton(source: Source) -> tuple[Source, AsfText]:
     """The skeleton of this motion: the one with its name, else with the longest prefix of it (CMU's 02.asf
-    for 02_01.amc), else the only one in the folder."""
-    try:
-        found_files = sorted(path.name for path in source.path.parent.iterdir() if _is_asf(path))
-    except OSError:
-        found_files = []
+    for 02_01.amc), else the only one in the folder; if that has none, in a folder of skeletons beside it."""
+    found_files = _skeletons(source.path.parent) or _skeletons_beside(source)
     stem = source.path.name.split(".")[0].lower()
-    fitting = [
-        name for name in found_files if (stem + "_").startswith(name.lower().removesuffix(".gz")[:-4] + "_")
-    ]
+    fitting = [name for name in found_files if (stem + "_").startswith(_stem(name) + "_")]
     skeleton_name = max(fitting, key=len) if fitting else found_files[0] if len(found_files) == 1 else None
     skeleton_source = source.sidecar_file(skeleton_name) if skeleton_name else None
     if skeleton_source is None:
@@ -148,8 +146,25 @@ def _find_skeleton(source: Source) -> tuple[Source, AsfText]:
     return skeleton_source, asf_text.parse(skeleton_source)
 
 
-def _is_asf(path: Path) -> bool:
-    return path.name.lower().endswith((".asf", ".asf.gz"))
+def _stem(name: str) -> str:
+    return name.rpartition("/")[2].lower().removesuffix(".gz")[:-4]
+
+
+def _skeletons(folder: Path) -> list[str]:
+    try:
+        return sorted(path.name for path in folder.iterdir() if path.name.lower().endswith(_SUFFIXES))
+    except OSError:
+        return []
+
+
+def _skeletons_beside(source: Source) -> list[str]:
+    """The skeletons in folders beside the motion's that are named after them, as "../asf/02.asf"."""
+    try:
+        folders = sorted(source.path.absolute().parent.parent.iterdir())
+    except OSError:
+        return []
+    of_skeletons = (folder for folder in folders if folder.name.lower() in _FOLDERS)
+    return [f"../{folder.name}/{name}" for folder in of_skeletons for name in _skeletons(folder)]
 
 
 def _rate(source: Source, keywords: Mapping[str, str]) -> tuple[float, str]:

@@ -256,3 +256,13 @@ def test_recognises_only_its_own(captures: Path) -> None:
         source = Source.open(path)
         if source.is_text:
             assert asf_amc.recognises(source) == (path.suffix in (".amc", ".asf")), path
+
+
+def test_a_folder_of_skeletons_beside_the_motions(tmp_path: Path) -> None:
+    same = read(sample(tmp_path))
+    for name, folder in (("07_01.amc", "amc"), ("07.asf", "Skeletons"), ("07.asf", "other")):
+        (tmp_path / "library" / folder).mkdir(parents=True)
+        (tmp_path / "library" / folder / name).write_bytes((tmp_path / name).read_bytes())
+    clip = read(tmp_path / "library" / "amc" / "07_01.amc")
+    assert np.array_equal(clip.positions, same.positions)
+    assert list(clip.provenance["sidecar_files"]) == ["../Skeletons/07.asf"]
