@@ -103,13 +103,7 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt, *, balance: bool = False) -> Non
         rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
         contacts = _recorded_contacts(p, times, grid, scale, rigid)
         reliability = _reliability(p, rigid, contacts[_nearest_frames(times, count)], weights)
-    local = local_rotations(reliable_frames(p, reliability))
-    rotations = np.tile(IDENTITY, (count, len(NODES), 1))
-    for node in range(len(NODES)):
-        seen = np.isfinite(local[:, node]).all(axis=-1)
-        if seen.sum() >= 2:
-            q = continuous(local[seen, node])
-            rotations[:, node] = normalize(_interpolate(grid, times[seen], q))
+    rotations = _resampled(local_rotations(reliable_frames(p, reliability)), times, grid)
     if not reliability.precise:
         rotations = limit_knee_extension(rotations)
     middle = place(p, "hips")
@@ -132,22 +126,36 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt, *, balance: bool = False) -> Non
     root[:, :2] -= root[0, :2]
     root[:, 2] -= _ground_height(*body_kinematics(rotations, root), contacts)
     motion = Motion(FRAME_RATE, root, continuous(rotations), contacts, cyclic=False)
-    weakest = np.stack(
-        [weights[:, [N[node] for node in source_nodes(name)]].min(axis=1) for name in NODES], axis=1
-    )
-    visibility = np.stack([np.interp(grid, times, column) for column in weakest.T], axis=-1)
-    strides = None if bout is None else float(np.ptp(bout.phase))
     return NonCyclicFit(
         motion,
         reliability,
         frames,
-        p,
-        np.minimum(times / motion.duration, 1.0),
-        visibility,
-        scale,
-        strides,
-        lean,
+        positions=p,
+        phase=np.minimum(times / motion.duration, 1.0),
+        seen=_visibility(weights, times, grid),
+        scale=scale,
+        strides=None if bout is None else float(np.ptp(bout.phase)),
+        lean=lean,
     )
+
+
+def _resampled(rotations: Array, times: Array, grid: Array) -> Array:
+    """Rotations (M, 20, 4) at `times` (M,) interpolated at `grid` (T,); identities of a node without any."""
+    resampled = np.tile(IDENTITY, (len(grid), len(NODES), 1))
+    for node in range(len(NODES)):
+        seen = np.isfinite(rotations[:, node]).all(axis=-1)
+        if seen.sum() >= 2:
+            q = continuous(rotations[seen, node])
+            resampled[:, node] = normalize(_interpolate(grid, times[seen], q))
+    return resampled
+
+
+def _visibility(weights: Array, times: Array, grid: Array) -> Array:
+    """Visibility (T, 20) behind each rotation: that of the weakest node (M, 20) from which it is computed."""
+    weakest = np.stack(
+        [weights[:, [N[node] for node in source_nodes(name)]].min(axis=1) for name in NODES], axis=1
+    )
+    return np.stack([np.interp(grid, times, column) for column in weakest.T], axis=-1)
 
 
 def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:
