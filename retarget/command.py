@@ -28,12 +28,14 @@ from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
 from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.ankles import AnkleMode
+from kinemimic.retarget.feet.balance import on_the_spot
 from kinemimic.retarget.feet.ground import is_running, measure_path
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.balance_loop import balance_loop
+from kinemimic.retarget.optimise.balance_spot import balance_spot
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
@@ -67,7 +69,8 @@ def retarget(
     segment: name or times of a segment, as `inspect` lists them (`locomotion.segments`); None takes the
         longest usable walk and those like it, or, without a walk, the longest pass as recorded.
     balance: displace the root of a depth sensor's walk until its zero-moment point is nearer to the soles;
-        turn a body that stands on the spot until its centre of mass is over the middle of the feet.
+        turn a body that stands on the spot until its centre of mass is over the middle of the feet, and
+        displace its root likewise.
 
     KinemimicError if the capture has no pass, for an unknown segment, and for a loop (loop=True) without
     usable strides or with straighten=False.
@@ -166,9 +169,11 @@ def _as_recorded(clip: Clip, bouts: list[Bout], options: _Options, why: str) -> 
     """The longest bout or pass as recorded; why: what is missing for a loop, "" if nothing is."""
     excerpt = _excerpt(clip, bouts, straighten=bool(options.straighten))
     fit = fit_noncyclic(clip, excerpt, balance=options.balance)
-    motion = refine(fit.motion, fit.seen) if options.refined else fit.motion
+    motion, found = refine(fit.motion, fit.seen) if options.refined else fit.motion, None
+    if options.balance and on_the_spot(motion.root, motion.contacts, motion.rate):
+        motion, found = balance_spot(motion, fit.seen, refined=options.refined)
     chosen = options.segment is not None
-    report = noncyclic_report(clip, bouts, excerpt, fit, motion, why, chosen=chosen)
+    report = noncyclic_report(clip, bouts, excerpt, fit, motion, found, why, chosen=chosen)
     span = PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, fit.phase)
     return _Result(motion, fit.reliability, [span], report)
 

@@ -111,16 +111,11 @@ def _averaging(fit: CyclicFit) -> dict[str, Any]:
 def _on_the_ground(fit: CyclicFit, balance: Balance | None) -> dict[str, Any]:
     """How the loop was scaled to the humanoid, balanced and set on the ground."""
     path = fit.path
-    balanced = balance and {
-        "outside_m": _n(balance.outside),
-        "outside_before_m": _n(balance.outside_before),
-        "displacement_m": _n(balance.displacement),
-    }
     return {
         "scale": _n(fit.scale),
         "stance_width_m": _n(fit.width),
         "abduction_deg": _n(np.degrees(fit.abduction)),
-        "balance": balanced,
+        "balance": _balance(balance),
         "ground": {
             "height_shift_m": _n(path.shift),
             "follows_foot": path.follows,
@@ -130,6 +125,14 @@ def _on_the_ground(fit: CyclicFit, balance: Balance | None) -> dict[str, Any]:
             "slip_m_s": _n(path.slip),
             "slip_recorded_m_s": _n(path.slip_recorded),
         },
+    }
+
+
+def _balance(found: Balance | None) -> dict[str, Any] | None:
+    return found and {
+        "outside_m": _n(found.outside),
+        "outside_before_m": _n(found.outside_before),
+        "displacement_m": _n(found.displacement),
     }
 
 
@@ -161,13 +164,15 @@ def noncyclic_report(
     excerpt: Excerpt,
     fit: NonCyclicFit,
     motion: Motion,
+    balance: Balance | None,
     why: str,
     *,
     chosen: bool = False,
 ) -> dict[str, Any]:
     """The value of gait.json for an excerpt as recorded, from its closed form `fit` and final motion.
 
-    why: what is missing for a loop, "" if nothing is; chosen: whether a segment was asked for.
+    balance: None if the root was not displaced for it; why: what is missing for a loop, "" if nothing is;
+    chosen: whether a segment was asked for.
     """
     kind, walk = "motion", {}
     if fit.strides is not None and excerpt.bout is not None:
@@ -195,6 +200,7 @@ def noncyclic_report(
         "range_deg": _ranges(motion),
         "pass": excerpt.pass_number,
         "lean_deg": _n(np.degrees(fit.lean)),
+        "balance": _balance(balance),
         "stance_ratio": _stance(motion),
         "subject": _subject(fit.positions),
         "scale": _n(fit.scale),

@@ -27,7 +27,6 @@ def table(report: dict[str, Any]) -> list[str]:
             f"  ground     penetration {1e3 * ground['penetration_m']:.0f} mm, "
             f"floating {1e3 * ground['floating_m']:.0f} mm, "
             f"swing clearance {1e3 * ground['swing_clearance_m']:.0f} mm, slip {ground['slip_m_s']:.2f} m/s",
-            *_balance(report["balance"]),
         ]
         scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
     else:
@@ -37,7 +36,7 @@ def table(report: dict[str, Any]) -> list[str]:
                 f"  {report['strides_used']:.1f} strides in {report['duration_s']:.1f} s, "
                 f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
             )
-    lines += _measures(report["closed_form"], report["measures"])
+    lines += [*_balance(report.get("balance")), *_measures(report["closed_form"], report["measures"])]
     for name, (low, high) in report["range_deg"].items():
         lines.append(
             f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")

@@ -39,6 +39,13 @@ def centre_of_mass(positions: Array, frames: Array) -> Array:
     return found
 
 
+def on_the_spot(root: Array, contacts: Mask, rate: float) -> bool:
+    """Whether a body with this root (T, 3) and contacts (T, 2) at `rate` Hz stands where it is."""
+    speed = rate * np.linalg.norm((root[-1] - root[0])[:2]) / max(len(root) - 1, 1)
+    travels = speed > WALKING or np.ptp(root[:, :2], axis=0).max() > ON_THE_SPOT
+    return bool(contacts.any(axis=1).mean() >= STANDING_SHARE and not travels)
+
+
 def upright(
     rotations: Array, root: Array, contacts: Mask, rate: float = 60.0, edge: float = 0.0
 ) -> tuple[Array, Array, float]:
@@ -49,11 +56,9 @@ def upright(
     changes for a body that does not stand on the spot, nor if the centre of mass is over the soles that stand
     in at least half of the frames in which any does, nor by less than half a degree.
     """
-    standing = contacts.any(axis=1)
-    speed = rate * np.linalg.norm((root[-1] - root[0])[:2]) / max(len(root) - 1, 1)
-    travels = speed > WALKING or np.ptp(root[:, :2], axis=0).max() > ON_THE_SPOT
-    if standing.mean() < STANDING_SHARE or travels:
+    if not on_the_spot(root, contacts, rate):
         return rotations, root, 0.0
+    standing = contacts.any(axis=1)
     turned, path, total = rotations, root, np.zeros(3)
     for _ in range(3):
         positions, frames = body_kinematics(turned, path)

@@ -14,8 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
@@ -33,8 +31,8 @@ from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.balance import centre_of_mass
-from kinemimic.retarget.feet.contact import corner_velocity, sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.feet.support import Support
 from kinemimic.retarget.humanoid.body import (
     BODIES,
     BODY_CENTERS,
@@ -45,20 +43,32 @@ from kinemimic.retarget.humanoid.body import (
 )
 from kinemimic.retarget.humanoid.motion import Motion
 
-MOMENTUM_HARMONICS, HARMONICS = 6, 4  # of the momentum, and of the displacement
-RIDGE = 1e-4  # keeps the series small in gaps without support
 ITERATIONS = 60
-# Share of the displacement that is applied, ahead and sideways. The whole way ahead helps no more, and
-# changes the knees half as much again.
-SHARE = np.array([0.5, 1.0])
-LARGEST = 0.05  # m, of a displacement
-CONTACT_HARMONICS = 5  # of the smooth share in which a foot is in contact
-# Corners of the soles that can bear weight: height above the ground, m, and speed over it, m/s.
-LOW, SLOW = 0.03, 0.7
-CORNERS = 3  # so many of them make an area
-SUPPORTED = 0.5  # share of the frames with such an area, below which a loop is left alone
-_SUM = 1e3  # weight of the condition that shares sum to one
+SUPPORTED = 0.5  # share of the frames with an area that bears weight, below which a motion is left alone
 _INERTIAS = np.array([body.inertia for body in BODIES])
+
+
+@dataclass(frozen=True)
+class Series:
+    """How a loop is balanced.
+
+    momentum, displacement, contact: harmonics of the momentum, of the displacement, and of the smooth share
+    in which a foot is in contact; share: of the displacement that is applied, along X and Y; largest: m, of a
+    displacement; ridge: of the displacement's fit, which keeps it small in gaps without support; sole: shares
+    of the soles' length and width that shall bear the weight (`Support.of`).
+    """
+
+    momentum: int
+    displacement: int
+    contact: int
+    share: tuple[float, float]
+    largest: float
+    ridge: float = 1e-4
+    sole: tuple[float, float] = (1.0, 1.0)
+
+
+# Of a walk's cycle. The whole way ahead helps no more, and changes the knees half as much again.
+WALK = Series(momentum=6, displacement=4, contact=5, share=(0.5, 1.0), largest=0.05)
 
 
 @dataclass(frozen=True)
@@ -74,35 +84,39 @@ class Balance:
     displacement: float
 
 
-def balanced(motion: Motion) -> tuple[Motion, Balance | None]:
-    """A walk's loop with the root displaced, so that the zero-moment point comes nearer to the soles.
+def balanced(motion: Motion, series: Series = WALK) -> tuple[Motion, Balance | None]:
+    """A loop with the root displaced, so that the zero-moment point comes nearer to the soles.
 
     All joints but hips, knees and ankles keep their angles. Contacts stay as they are; `refine` puts the feet
     that are in contact back in place. Unchanged, with None, where feet bear weight in too few frames, and for
     loops of too few frames.
     """
-    support, frames = _Support.of(motion), len(motion.root)
-    if len(support.frames) < SUPPORTED * frames or frames <= 2 * MOMENTUM_HARMONICS:
+    support, frames = Support.of(motion, series.sole), len(motion.root)
+    if len(support.frames) < SUPPORTED * frames or frames <= 2 * series.momentum:
         return motion, None
-    point = zero_moment_point(motion)
-    displacement = np.clip(SHARE * _displacement(motion, support, point), -LARGEST, LARGEST)
-    found = _displaced(motion, displacement)
+    point = zero_moment_point(motion, series.momentum)
+    displacement = np.array(series.share) * _displacement(motion, support, point, series)
+    displacement = np.clip(displacement, -series.largest, series.largest)
+    found = _displaced(motion, displacement, series.contact)
     before = float(np.linalg.norm(support.outside(point), axis=-1).mean())
     largest = float(np.linalg.norm(displacement, axis=-1).max())
-    return found, Balance(distance_from_soles(found), before, largest)
+    return found, Balance(distance_from_soles(found, series), before, largest)
 
 
-def distance_from_soles(motion: Motion) -> float:
+def distance_from_soles(motion: Motion, series: Series = WALK) -> float:
     """Mean distance of a loop's zero-moment point from the soles on the ground, m; infinite where no frame
     has a sole on it."""
-    support = _Support.of(motion)
+    support = Support.of(motion, series.sole)
     if not len(support.frames):
         return float("inf")
-    return float(np.linalg.norm(support.outside(zero_moment_point(motion)), axis=-1).mean())
+    return float(np.linalg.norm(support.outside(zero_moment_point(motion, series.momentum)), axis=-1).mean())
 
 
-def zero_moment_point(motion: Motion) -> Array:
-    """The zero-moment point (T, 2) of a loop on the ground in the world, metres."""
+def zero_moment_point(motion: Motion, harmonics: int = WALK.momentum) -> Array:
+    """The zero-moment point (T, 2) of a loop on the ground in the world, metres.
+
+    harmonics: of the momentum.
+    """
     frames, period = len(motion.root), motion.duration
     phase = np.arange(frames) / frames
     positions, turned = body_kinematics(motion.rotations, motion.root)
@@ -111,76 +125,44 @@ def zero_moment_point(motion: Motion) -> Array:
     world = turned[:, BODY_NODES]
     arms = rotate(world, np.broadcast_to(BODY_CENTERS, (frames, *BODY_CENTERS.shape)))
     places = positions[:, BODY_NODES] + arms - advance[:, None]
-    velocities = _rate(phase, places, period)
+    velocities = _rate(phase, places, period, harmonics)
     after = np.roll(world, -1, axis=0)
     spin = motion.rate * to_rotvec(multiply(after, conjugate(world)))
     spin = 0.5 * (spin + np.roll(spin, 1, axis=0))
     turning = rotate(world, _INERTIAS * rotate(conjugate(world), spin))
     momentum = np.einsum("b,tbi->ti", BODY_MASSES, velocities)
     angular = (np.cross(places, BODY_MASSES[:, None] * velocities) + turning).sum(axis=1)
-    force = _rate(phase, momentum, period)[:, 2] + TOTAL_MASS * GRAVITY
-    moment = _rate(phase, angular, period)
+    force = _rate(phase, momentum, period, harmonics)[:, 2] + TOTAL_MASS * GRAVITY
+    moment = _rate(phase, angular, period, harmonics)
     weight = GRAVITY * np.einsum("b,tbi->ti", BODY_MASSES, places)
     point = np.stack([weight[:, 0] - moment[:, 1], weight[:, 1] + moment[:, 0]], axis=-1) / force[:, None]
     found: Array = point + advance[:, :2]
     return found
 
 
-def _rate(phase: Array, values: Array, period: float) -> Array:
+def _rate(phase: Array, values: Array, period: float, harmonics: int) -> Array:
     """Derivative by time of periodic values (T, ...) without their highest harmonics."""
-    return fourier.evaluate(fourier.fit(phase, values, MOMENTUM_HARMONICS, ridge=0.0), phase, 1) / period
+    return fourier.evaluate(fourier.fit(phase, values, harmonics, ridge=0.0), phase, 1) / period
 
 
-@dataclass(frozen=True)
-class _Support:
-    """The corners of the soles that bear weight.
-
-    frames: (K,) with enough of them for an area; corners: for each, (C, 2) m.
-    """
-
-    frames: NDArray[np.intp]
-    corners: list[Array]
-
-    @classmethod
-    def of(cls, motion: Motion) -> _Support:
-        corners = sole_positions(*body_kinematics(motion.rotations, motion.root))
-        speed = np.linalg.norm(corner_velocity(corners, motion.rate, motion.cycle_offset)[..., :2], axis=-1)
-        bearing = (corners[..., 2] < LOW) & (speed < SLOW)
-        frames = np.flatnonzero(bearing.sum(axis=(1, 2)) >= CORNERS)
-        return cls(frames, [corners[frame][bearing[frame]][:, :2] for frame in frames])
-
-    def outside(self, points: Array) -> Array:
-        """Vector (K, 2) from the soles to the points (T, 2) of the frames, m; zero inside."""
-        near = [_nearest(one, points[frame]) for one, frame in zip(self.corners, self.frames, strict=True)]
-        found: Array = points[self.frames] - near
-        return found
-
-
-def _displacement(motion: Motion, support: _Support, point: Array) -> Array:
+def _displacement(motion: Motion, support: Support, point: Array, series: Series) -> Array:
     """Of the root (T, 2), m, that brings the zero-moment point (T, 2) to the soles."""
     phase = np.arange(len(point)) / len(point)
     height = centre_of_mass(*body_kinematics(motion.rotations, motion.root))[:, 2].mean()
-    k = np.arange(1, HARMONICS + 1)
+    harmonics = series.displacement
+    k = np.arange(1, harmonics + 1)
     response = 1.0 + height / GRAVITY * (2.0 * np.pi * k / motion.duration) ** 2
     response = np.concatenate([[1.0], response, response])[:, None]
-    columns = fourier.design(phase, HARMONICS)
-    series = np.zeros((1 + 2 * HARMONICS, 2))
+    columns = fourier.design(phase, harmonics)
+    found = np.zeros((1 + 2 * harmonics, 2))
     for _ in range(ITERATIONS):
-        outside = support.outside(point + columns @ (response * series))
-        series -= fourier.fit(phase[support.frames], outside, HARMONICS, ridge=RIDGE) / response
-    found: Array = columns @ series
-    return found
+        outside = support.outside(point + columns @ (response * found))
+        found -= fourier.fit(phase[support.frames], outside, harmonics, ridge=series.ridge) / response
+    displacement: Array = columns @ found
+    return displacement
 
 
-def _nearest(corners: Array, point: Array) -> Array:
-    """The point of the convex hull of corners (K, 2) that is nearest to a point (2,)."""
-    system = np.concatenate([(corners - point).T, np.full((1, len(corners)), _SUM)])
-    shares, _ = nnls(system, np.array([0.0, 0.0, _SUM]))
-    found: Array = shares @ corners / shares.sum()
-    return found
-
-
-def _displaced(motion: Motion, displacement: Array) -> Motion:
+def _displaced(motion: Motion, displacement: Array, harmonics: int) -> Motion:
     """The motion with the root displaced by (T, 2) m. A foot in contact stays where it is, as far as the leg
     reaches; one in swing moves with the root."""
     offsets = node_offsets()
@@ -188,7 +170,7 @@ def _displaced(motion: Motion, displacement: Array) -> Motion:
     moved = np.pad(displacement, ((0, 0), (0, 1)))
     rotations = motion.rotations.copy()
     phase = np.arange(len(moved)) / len(moved)
-    contact = fourier.fit(phase, motion.contacts.astype(np.float64), CONTACT_HARMONICS)
+    contact = fourier.fit(phase, motion.contacts.astype(np.float64), harmonics)
     still = np.clip(fourier.evaluate(contact, phase), 0.0, 1.0)
     for foot, side in enumerate(SIDES):
         hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))

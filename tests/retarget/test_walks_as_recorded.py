@@ -60,7 +60,7 @@ def test_sway_and_noise_are_no_part_of_the_speed(heading: float) -> None:
     fit = as_recorded(clip)
     bouts = bouts_of(clip)
     excerpt = excerpt_of_bout(bouts[0], straighten=False)
-    report = noncyclic_report(clip, bouts, excerpt, fit, fit.motion, "")
+    report = noncyclic_report(clip, bouts, excerpt, fit, fit.motion, None, "")
     path = np.linalg.norm(np.diff(fit.motion.root[:, :2], axis=0), axis=1).sum() / fit.motion.duration
     straight = float(np.linalg.norm(fit.motion.root[-1, :2] - fit.motion.root[0, :2])) / fit.motion.duration
     assert path > 1.01 * straight

@@ -13,7 +13,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
-from kinemimic.retarget.feet.zero_moment_point import LARGEST, balanced, zero_moment_point
+from kinemimic.retarget.feet.zero_moment_point import WALK, balanced, zero_moment_point
 from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_NODES, STANDING_HEIGHT, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.refine import refine
@@ -128,7 +128,7 @@ def test_a_walk_that_would_fall_comes_nearer_to_its_feet(walk: Motion, spoil: ob
     found, balance = balanced(spoiled)
     assert balance is not None
     assert balance.outside < 0.75 * balance.outside_before
-    assert 0.005 < balance.displacement < np.sqrt(2.0) * LARGEST + 1e-9
+    assert 0.005 < balance.displacement < np.sqrt(2.0) * WALK.largest + 1e-9
     others = [node for node in range(len(NODES)) if node not in LEGS]
     np.testing.assert_array_equal(found.rotations[:, others], spoiled.rotations[:, others])
     np.testing.assert_array_equal(found.contacts, spoiled.contacts)
