@@ -12,11 +12,17 @@ from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.quality.rules.mirrored_body import MIN_MIRRORED_SHARE
+from kinemimic.pipeline.readers.base.clock import named_unit, says_time
 from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS
+from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
 
 # A recorder's usual step in seconds, and the steps for which a unit of time is plausible.
 _USUAL_STEP = 1.0 / 30.0
 _PLAUSIBLE_STEPS = (0.004, 0.2)
+# Largest step of numbers that count frames, and are not called so.
+_FRAME_STEP = 7
+# A unit in a column's name -> a key of SECONDS.
+_STATED = {"s": "s", "ms": "ms", "µs": "us"}
 # Thigh plus shank of an adult in metres; decides if no unit gives a plausible leg.
 _ADULT_LEG = 0.82
 _AXES = "XYZ"
@@ -151,26 +157,25 @@ def _right_handed(positions: dict[str, Array], up: Array) -> bool | None:
 def time_unit(times: Array, name: str) -> tuple[str, float] | None:
     """Unit of increasing times (T,) and their median step in seconds; None if they are not times.
 
-    Whole numbers with steps of 1 to 7 are frame numbers, with a step of 0.
+    Whole numbers with steps of 1 to 7 are frame numbers, with a step of 0, unless the column's name says
+    that they are times; so are any whole numbers if it says that.
     """
     steps = np.diff(times[np.isfinite(times)])
     if len(steps) < 2 or (steps < 0).mean() > 0.02 or (steps > 0).mean() < 0.4:
         return None
     step = float(np.median(steps[steps > 0]))
     whole_numbers = bool(np.all(np.mod(steps, 1.0) == 0.0))
-    if whole_numbers and step <= 7:
+    if whole_numbers and (is_frame_number(name) or (step <= _FRAME_STEP and not says_time(name))):
         return "frame", 0.0
-    named = next(
-        (unit for unit in ("ms", "us", "100ns", "s") if f"({unit})" in name or f"[{unit}]" in name), None
-    )
+    stated = _STATED.get(named_unit(name) or "")
     fitting = [
         u for u in SECONDS if u != "frame" and _PLAUSIBLE_STEPS[0] <= step * SECONDS[u] <= _PLAUSIBLE_STEPS[1]
     ]
     if not fitting:
-        return None
+        return ("frame", 0.0) if whole_numbers and step <= _FRAME_STEP else None
     best = (
-        named
-        if named in fitting
+        stated
+        if stated in fitting
         else min(fitting, key=lambda u: abs(np.log(step * SECONDS[u] / _USUAL_STEP)))
     )
     return best, step * SECONDS[best]

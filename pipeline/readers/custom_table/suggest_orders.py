@@ -24,6 +24,22 @@ ORDERS: dict[str, tuple[str, ...]] = {
         "wrist_right", "wrist_left", "hand_right", "hand_left", "spine", "hip_center", "hip_right",
         "hip_left", "knee_right", "knee_left", "ankle_right", "ankle_left", "foot_right", "foot_left",
     ),
+    # OpenNI's and NiTE's hands and feet are where a Kinect has wrists and ankles.
+    "NiTE": (
+        "head", "shoulder_center", "shoulder_left", "shoulder_right", "elbow_left", "elbow_right",
+        "wrist_left", "wrist_right", "spine", "hip_left", "hip_right", "knee_left", "knee_right",
+        "ankle_left", "ankle_right",
+    ),
+    "OpenNI": (
+        "head", "shoulder_center", "spine", "shoulder_left", "elbow_left", "shoulder_right", "elbow_right",
+        "hip_left", "knee_left", "hip_right", "knee_right", "wrist_left", "wrist_right", "ankle_left",
+        "ankle_right",
+    ),
+    "OpenNI, limb by limb": (
+        "head", "shoulder_center", "spine", "shoulder_left", "elbow_left", "wrist_left", "shoulder_right",
+        "elbow_right", "wrist_right", "hip_left", "knee_left", "ankle_left", "hip_right", "knee_right",
+        "ankle_right",
+    ),
 }  # fmt: skip
 # Columns per joint: position; with a state; with a quaternion; with both.
 _JOINT_STEPS = (3, 4, 7, 8)
@@ -42,8 +58,7 @@ _BONES: tuple[tuple[str, str, float], ...] = (
 )
 _TRUNK = 0.62
 _NEEDED = {f"{joint}_{side}" for bone in _BONES for joint in bone[:2] for side in ("left", "right")} | {
-    "hip_center",
-    "shoulder_center",
+    "shoulder_center"
 }
 # Below this a body is certain: the right sequence of noisy recordings scores 0.1 to 0.4, any other 0.8 or
 # more.
@@ -150,7 +165,9 @@ def body_score(points: Array, joints: Sequence[str]) -> float:
     pairs = [
         (length(f"{a}_{side}", f"{b}_{side}"), share) for a, b, share in _BONES for side in ("left", "right")
     ]
-    pairs.append((length("hip_center", "shoulder_center"), _TRUNK))
+    hips = [index["hip_center"]] if "hip_center" in index else [index["hip_left"], index["hip_right"]]
+    trunk = points[:, index["shoulder_center"]] - points[:, hips].mean(axis=1)
+    pairs.append((np.asarray(np.linalg.norm(trunk, axis=-1)), _TRUNK))
     # Zeros and NaN are joints that were not seen; at least half of the frames must have each bone.
     seen = [bone[np.isfinite(bone) & (bone > 0)] for bone, _ in pairs]
     if any(len(bone) < 0.5 * len(points) for bone in seen):
@@ -160,7 +177,6 @@ def body_score(points: Array, joints: Sequence[str]) -> float:
     sides = np.abs(np.log(medians[0:8:2] / medians[1:8:2])).mean()
     leg = medians[:4].sum() / 2.0
     shares = np.abs(np.log(medians / leg / [share for _, share in pairs])).mean()
-    trunk = points[:, index["shoulder_center"]] - points[:, index["hip_center"]]
     thigh = points[:, index["hip_left"]] - points[:, index["knee_left"]]
     with np.errstate(invalid="ignore", divide="ignore"):
         along = (

@@ -14,8 +14,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.custom_table.suggest_orders import ORDERS
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
 
 FRAMES = 60
@@ -145,6 +147,26 @@ def test_somebody_who_comes_late(nothing: str, tmp_path: Path) -> None:
     truth = leg_angles(walk(FRAMES).joints, times=TIMES)
     for name, found in angles(tmp_path / "a.csv").items():
         assert np.degrees(np.abs(found - truth[name])).max() < 0.1
+
+
+@pytest.mark.parametrize("order", [name for name in ORDERS if "Ni" in name or "NI" in name])
+def test_fifteen_joints_without_names(order: str, tmp_path: Path) -> None:
+    """OpenNI's joints in millimetres, in the three orders in which data sets list them."""
+    points = POINTS[:, [NODE_INDEX[node] for node in ORDERS[order]]]
+    (tmp_path / "a.txt").write_text(table([], wide(1000 * points, scale=1000), " "))
+    truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+    for name, found in angles(tmp_path / "a.txt").items():
+        assert np.degrees(np.abs(found - truth[name])).max() < (0.1 if "knee" in name else 15.0), name
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "seconds"),
+    [("time", 5, 0.005), ("frame", 30, 1.0), ("stamp", 33, 0.033), ("no", 2, 2 / 30)],
+)
+def test_whole_numbers_are_what_their_name_says(name: str, step: int, seconds: float, tmp_path: Path) -> None:
+    rows = [[step * k, *row[1:]] for k, row in enumerate(wide())]
+    (tmp_path / "a.csv").write_text(table([name, *AXES], rows))
+    assert np.diff(recognise.read(tmp_path / "a.csv").times) == pytest.approx(seconds)
 
 
 def test_left_handed_axes_are_told(tmp_path: Path) -> None:
