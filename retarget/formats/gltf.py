@@ -42,68 +42,76 @@ def write_glb(path: Path, figures: Sequence[Figure], provenance: Mapping[str, An
     nodes that carry a body, linearly between frames; frame 0 is at 0 s. A cycle is written once. provenance:
     JSON values, in the `extras` of the file.
     """
-    buffer = _Buffer()
-    nodes: list[dict[str, Any]] = []
-    channels: list[dict[str, Any]] = []
-    samplers: list[dict[str, Any]] = []
-    shapes = [_shape(buffer, k) for k in range(len(BODIES))]
-    meshes: list[dict[str, Any]] = []
-    roots = []
-    for material, figure in enumerate(figures):
-        motion, first = figure.motion, len(nodes)
-        roots.append(first)
-        nodes.append({"name": figure.name, "children": [first + 1]})
+    scene = _Scene()
+    roots = [scene.add(figure, material) for material, figure in enumerate(figures)]
+    animation = {
+        "name": " and ".join(figure.name for figure in figures),
+        "channels": scene.channels,
+        "samplers": scene.samplers,
+    }
+    document = {
+        "asset": {"version": "2.0", "generator": "kinemimic", "extras": {"provenance": dict(provenance)}},
+        "scene": 0,
+        "scenes": [{"name": "kinemimic", "nodes": roots}],
+        "nodes": scene.nodes,
+        "meshes": scene.meshes,
+        "materials": [_material(figure) for figure in figures],
+        "animations": [animation],
+        "accessors": scene.buffer.accessors,
+        "bufferViews": scene.buffer.views,
+        "buffers": [{"byteLength": len(scene.buffer.data)}],
+    }
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    parts = ((_padded(text, b" "), b"JSON"), (_padded(bytes(scene.buffer.data), b"\0"), b"BIN\0"))
+    chunks = b"".join(struct.pack("<I4s", len(part), kind) + part for part, kind in parts)
+    with atomic(path) as temporary:
+        temporary.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+class _Scene:
+    """Nodes and meshes of all figures, the samplers and channels that move them, and the numbers behind."""
+
+    def __init__(self) -> None:
+        self.buffer = _Buffer()
+        self.nodes: list[dict[str, Any]] = []
+        self.meshes: list[dict[str, Any]] = []
+        self.channels: list[dict[str, Any]] = []
+        self.samplers: list[dict[str, Any]] = []
+        # The figures share the shapes of their bodies.
+        self._shapes = {body.node: (body.name, _shape(self.buffer, k)) for k, body in enumerate(BODIES)}
+
+    def add(self, figure: Figure, material: int) -> int:
+        """Add a figure; returns the index of its root, which the 20 nodes follow."""
+        motion, root = figure.motion, len(self.nodes)
         rotations = continuous(motion.rotations)
-        times = buffer.add(np.arange(len(motion.root)) / motion.rate, limits=True)
-
-        def animate(
-            node: int, path: str, values: Array, channels: list[dict[str, Any]] = channels, times: int = times
-        ) -> None:
-            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-            samplers.append({"input": times, "output": buffer.add(values)})
-
+        times = self.buffer.add(np.arange(len(motion.root)) / motion.rate, limits=True)
+        self.nodes.append({"name": figure.name, "children": [root + 1]})
         for index, (name, parent) in enumerate(zip(NODES, NODE_PARENTS, strict=True)):
             node: dict[str, Any] = {
                 "name": f"{figure.name}/{name}",
                 "translation": _y_up(motion.offsets[index] if parent >= 0 else motion.root[0]).tolist(),
                 "rotation": _turned(rotations[0, index]).tolist(),
             }
-            if children := [first + 1 + k for k, above in enumerate(NODE_PARENTS) if above == index]:
+            if children := [root + 1 + k for k, above in enumerate(NODE_PARENTS) if above == index]:
                 node["children"] = children
-            for shape, body in zip(shapes, BODIES, strict=True):
-                if body.node == name:
-                    node["mesh"] = len(meshes)
-                    meshes.append(
-                        {
-                            "name": f"{figure.name}/{body.name}",
-                            "primitives": [{**shape, "material": material}],
-                        }
-                    )
-                    animate(first + 1 + index, "rotation", _turned(rotations[:, index]))
+            if name in self._shapes:
+                node["mesh"] = self._mesh(figure, name, material)
+                self._animate(root + 1 + index, "rotation", times, _turned(rotations[:, index]))
             if parent < 0:
-                animate(first + 1 + index, "translation", _y_up(motion.root))
-            nodes.append(node)
-    document = {
-        "asset": {"version": "2.0", "generator": "kinemimic", "extras": {"provenance": dict(provenance)}},
-        "scene": 0,
-        "scenes": [{"name": "kinemimic", "nodes": roots}],
-        "nodes": nodes,
-        "meshes": meshes,
-        "materials": [_material(figure) for figure in figures],
-        "animations": [
-            {"name": " and ".join(f.name for f in figures), "channels": channels, "samplers": samplers}
-        ],
-        "accessors": buffer.accessors,
-        "bufferViews": buffer.views,
-        "buffers": [{"byteLength": len(buffer.data)}],
-    }
-    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
-    chunks = b"".join(
-        struct.pack("<I4s", len(part), kind) + part
-        for part, kind in ((_padded(text, b" "), b"JSON"), (_padded(bytes(buffer.data), b"\0"), b"BIN\0"))
-    )
-    with atomic(path) as temporary:
-        temporary.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+                self._animate(root + 1 + index, "translation", times, _y_up(motion.root))
+            self.nodes.append(node)
+        return root
+
+    def _mesh(self, figure: Figure, node: str, material: int) -> int:
+        """Add the mesh of the body that a node carries; returns its index."""
+        body, shape = self._shapes[node]
+        self.meshes.append({"name": f"{figure.name}/{body}", "primitives": [{**shape, "material": material}]})
+        return len(self.meshes) - 1
+
+    def _animate(self, node: int, path: str, times: int, values: Array) -> None:
+        """Move a node's rotation or translation; times: the accessor of the frames' times."""
+        self.channels.append({"sampler": len(self.samplers), "target": {"node": node, "path": path}})
+        self.samplers.append({"input": times, "output": self.buffer.add(values)})
 
 
 class _Buffer:
