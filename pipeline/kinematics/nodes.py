@@ -22,6 +22,8 @@ _APART = 0.02
 # Metres from the middle of the hips within which the joint that both thighs hang from is the pelvis, not the
 # origin of a scene.
 _PELVIS = 0.25
+# Shares of the trunk's height at which a joint is a spine.
+_LOWER_TRUNK = (0.1, 0.5)
 # A node at the same point as this other node counts as not shown.
 _BEYOND: dict[str, str] = {
     "spine": "hip_center",
@@ -150,11 +152,31 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
             # CMU puts the lower back at the hips: take the next joint up that does not coincide with them.
             above = (joint for joint in _trunk(clip, found, hips) if distance(hips, joint) >= _APART)
             found["spine"] = next(above, found["spine"])
+        _lower_spine(clip, found)
     head = found.get("head")
     if head is None or parents[head] < 0 or normalised(names[head]) not in ("headend", "headtip"):
         return
     if distance(parents[head], head) < _APART:
         found["head"] = parents[head]
+
+
+def _lower_spine(clip: Clip, found: dict[str, int]) -> None:
+    """Prefer a joint of the lower trunk to one of the chest: the line from the hips to the chest leans with
+    the back, and hip flexion with it. Skeletons with an abdomen and a chest have no joint called spine."""
+    hips = found["hip_center"]
+    top = next((found[node] for node in ("shoulder_center", "head") if node in found), None)
+    if top is None:
+        return
+    trunk = _length(clip.positions[:, hips], clip.positions[:, top])
+
+    def height(joint: int) -> float:
+        return _length(clip.positions[:, hips], clip.positions[:, joint]) / trunk if trunk > 0.0 else np.inf
+
+    lower = [
+        joint for joint in _trunk(clip, found, hips) if _LOWER_TRUNK[0] <= height(joint) <= _LOWER_TRUNK[1]
+    ]
+    if height(found["spine"]) > _LOWER_TRUNK[1] and lower:
+        found["spine"] = min(lower, key=lambda joint: abs(height(joint) - 1.0 / 3.0))
 
 
 def _length(start: Array, end: Array) -> float:

@@ -12,7 +12,7 @@ from samples import source_of
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_of, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES, Skeleton
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import bvh as reader
@@ -32,6 +32,17 @@ def test_both_thighs_hang_from_the_pelvis_whatever_its_name(bvh: Text) -> None:
         source_of(rigify.replace("ROOT spine", floor).replace("}\nMOTION", "} }\nMOTION"), PATH)
     )
     assert np.allclose(to_nodes(clip)[0], named, atol=1e-12)
+
+
+def test_of_an_abdomen_and_a_chest_the_lower_is_the_spine(bvh: Text) -> None:
+    named = to_nodes(reader.read(source_of(bvh(), PATH)))[0]
+    chest = "JOINT chest { OFFSET 0 20 0 CHANNELS 0 JOINT Neck { OFFSET 0 18 0"
+    text = bvh().replace("JOINT Spine ", "JOINT stomach ").replace("JOINT Neck { OFFSET 0 38 0", chest)
+    text = text.replace(" 18 34 0", " 18 14 0").replace("-18 34 0", "-18 14 0")
+    text = text.replace("} } } }\n  JOINT LeftUpLeg", "} } } } }\n  JOINT LeftUpLeg")
+    clip = reader.read(source_of(text, PATH))
+    assert np.allclose(to_nodes(clip)[0], named, atol=1e-9)
+    assert clip.skeleton.names[joints_of(clip)["spine"]] == "stomach"
 
 
 def test_the_origin_of_a_scene_is_no_pelvis(node_clip: Build) -> None:
