@@ -13,7 +13,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 # "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. A name in the middle may
 # be marked like a side: C_Hips, Neck_M. The order resolves conflicts between conventions: LeftFoot is the
 # ankle if there is no LeftAnkle, and the foot otherwise; ShoulderLeft is a Kinect's shoulder, but Shoulder_L
-# a clavicle beside UpperArm_L.
+# a clavicle beside UpperArm_L, as Hip_L is a part of the pelvis beside Thigh_L.
 _MIDDLE: dict[str, tuple[str, ...]] = {
     "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
     "spine": (
@@ -90,7 +90,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "wrist*end",
     ),
     "hip": (
-        "hip*",
+        "hip%",
         "*upleg",
         "*upperleg",
         "*thigh",
@@ -102,6 +102,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "upperleg01*",
         "*femur",
         "femur*",
+        "hip*",
     ),
     "knee": (
         "knee*",

@@ -223,13 +223,17 @@ def joint_centres(labels: Sequence[str]) -> dict[str, int]:
     A thigh beside a knee is no hip: in "L.Thigh, L.Knee, L.Ankle" (Helen Hayes) it is a marker in the middle
     of the thigh. Where the shank follows it, the names are those of bones, whose points are their upper ends.
     """
-    found = joints_by_name(tuple(_joint_name(label) for label in without_subject(labels)))
-    for side in SIDES:
-        hip, knee = (found.get(f"{joint}_{side}") for joint in ("hip", "knee"))
-        if hip is None or knee is None:
-            continue
-        if "thigh" in normalised(labels[hip]) and "knee" in normalised(labels[knee]):
-            del found[f"hip_{side}"]
+    names = tuple(_joint_name(label) for label in without_subject(labels))
+    found = joints_by_name(names)
+    on_thighs = {
+        found[f"hip_{side}"]
+        for side in SIDES
+        if {f"hip_{side}", f"knee_{side}"} <= found.keys()
+        and "thigh" in normalised(labels[found[f"hip_{side}"]])
+        and "knee" in normalised(labels[found[f"knee_{side}"]])
+    }
+    if on_thighs:
+        found = joints_by_name(tuple("" if k in on_thighs else name for k, name in enumerate(names)))
     return found
 
 

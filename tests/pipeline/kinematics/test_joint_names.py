@@ -137,6 +137,13 @@ def test_the_trunk_of_each_convention(names: str, expected: str) -> None:
     )
 
 
+def test_a_part_of_the_pelvis_beside_a_thigh_is_no_hip() -> None:
+    joints = ("hips", *(f"{bone}.{s}" for s in "LR" for bone in ("hip", "thigh", "shin", "foot")))
+    assert joints[joints_by_name(joints)["hip_left"]] == "thigh.L"
+    joints = ("Root_M", *(f"{joint}_{s}" for s in "LR" for joint in ("Hip", "Knee", "Ankle")))
+    assert joints[joints_by_name(joints)["hip_left"]] == "Hip_L"
+
+
 def test_the_bodies_of_opensim() -> None:
     joints = tuple(OPENSIM.split())
     found = {node: joints[index] for node, index in joints_by_name(joints).items()}

@@ -98,6 +98,9 @@ def test_a_marker_on_the_thigh_is_no_hip() -> None:
     helen_hayes = [f"{s}.{part}" for s in "LR" for part in ("ASIS", "Thigh", "Knee", "Shank", "Ankle", "Toe")]
     assert not joint_centres(helen_hayes).keys() & {"hip_left", "hip_right"}
     assert landmarks(helen_hayes)["knee_lateral_right"] == (8,)
+    # Hips that are there are the hips.
+    with_hips = [*helen_hayes, "L.Hip", "R.Hip"]
+    assert with_hips[joint_centres(with_hips)["hip_right"]] == "R.Hip"
     # Of bones the upper ends are the joints.
     bones = [f"{s}_{part}" for s in "lr" for part in ("thigh", "shank", "foot")]
     assert [joint_centres(bones)[f"{joint}_left"] for joint in ("hip", "knee", "ankle")] == [0, 1, 2]
