@@ -61,7 +61,9 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     axis = max(candidates, key=lambda name: float(np.percentile(candidates[name], 90.0)))
     best = float(np.degrees(np.arccos(np.clip(np.percentile(candidates[axis], 90.0), -1.0, 1.0))))
     found = f"at its most upright the body stands along the {axis} axis (within {best:.0f} deg), not +Z"
-    clear = best < np.degrees(MAX_AXIS_ERROR) and np.mean(candidates[axis] > np.cos(MIN_TILT)) > 0.5
+    # No tilt of a sensor shows somebody upside down; lying on the side is a matter of thirty degrees.
+    largest = MIN_TILT if axis == "-Z" else MAX_AXIS_ERROR
+    clear = best < np.degrees(largest) and np.mean(candidates[axis] > np.cos(MIN_TILT)) > 0.5
     frames = int(straight.sum())
     if not clear:
         text = f"the body never stands along +Z; nearest is {axis}, off by {best:.0f} deg; left as recorded"

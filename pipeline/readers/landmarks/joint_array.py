@@ -1,6 +1,7 @@
 """Joint arrays: numbers of shape (frames, joints, 3) in an .npy file, or in an .npz archive.
 
-MediaPipe's may have a visibility as their fourth number, and lie in a row: (frames, 33 · 3 or 33 · 4).
+A fourth number of each joint is its visibility, or its state. Joints may lie in a row, (frames, joints · 3),
+or behind the axes, (frames, 3, joints).
 
 Networks that lift videos to three dimensions (VideoPose3D, MMPose), data sets and programs that generate
 motion (HumanML3D) store joints like this. The array names neither its joints nor its unit, axes or rate:
@@ -12,6 +13,7 @@ frame numbers of all frames ("timestamps"), or a rate ("fps").
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -34,12 +36,16 @@ FORMAT = Format(
     name="joint array",
     sensor="unknown, often a video",
     holds=f"positions of {', '.join(map(str, sorted(COUNTS)[:-1]))} or {max(COUNTS)} joints",
-    recognised_by="an .npy file, or an .npz archive with one array, of shape (frames, joints, 3), "
-    "of MediaPipe's landmarks also with their visibility, or in a row",
+    recognised_by="an .npy file, or an .npz archive with one array, of shape (frames, joints, 3), also "
+    "with a visibility, or in a row",
     binary=True,
 )
-# Numbers in a row of MediaPipe's landmarks, without and with their visibility.
-_ROWS_OF_LANDMARKS = (3 * len(LANDMARKS), 4 * len(LANDMARKS))
+# Numbers of a joint, without and with how sure it is; width of a row of all joints -> the numbers of each (96
+# are the places of an Azure Kinect, rather than SMPL's with a confidence).
+_FIELDS = (3, 4)
+_FIELDS_OF_ROW: dict[int, int] = {
+    fields * joints: fields for fields in reversed(_FIELDS) for joints in COUNTS
+}
 
 
 def recognises(source: Source) -> bool:
@@ -59,7 +65,7 @@ def read(source: Source) -> Clip:
     if values.dtype.kind not in "fiu":
         raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
     with np.errstate(invalid="ignore"):  # a damaged file may hold any number
-        numbers = values.reshape(-1, *_joints_and_fields(values.shape)).astype(np.float64)
+        numbers = _by_joint(values).astype(np.float64)
     points, visibility = numbers[..., :3], numbers[..., 3:]
     if _is_flat(points):
         raise source.error(
@@ -91,7 +97,8 @@ def read(source: Source) -> Clip:
     states = None
     if visibility.size:
         own = [joint_set.nodes[node] for node in nodes]
-        states = np.stack([states_of(points[:, k], visibility[:, k, 0]) for k in own], axis=1)[times.kept]
+        sure = _as_shares(visibility[..., 0])
+        states = np.stack([states_of(points[:, k], sure[:, k]) for k in own], axis=1)[times.kept]
     return clip_of_points(
         skeleton,
         times.seconds,
@@ -131,6 +138,12 @@ def _is_flat(points: Array) -> bool:
     return len(known) > 0 and bool((known >= 0.0).all() and (known[:, 2] <= 1.0).all())
 
 
+def _as_shares(sure: Array) -> Array:
+    """How sure each joint is (T, J), from 0 to 1; of states, which reach 2, an inferred is below a half."""
+    largest = float(np.nanmax(sure, initial=0.0))
+    return sure / largest * 0.99 if largest > 1.0 else sure
+
+
 def _whole(offsets: Array) -> Array:
     """The frames in which every joint is seen; all frames if there is none."""
     whole = np.isfinite(offsets).all(axis=(1, 2)) & offsets.any(axis=(1, 2))
@@ -138,23 +151,29 @@ def _whole(offsets: Array) -> Array:
 
 
 def _name(source: Source) -> str | None:
-    """The name of the one array of joints, None without one, or with several."""
-    names = [name for name, shape in array_shapes(source).items() if _is_of_joints(shape)]
+    """The name of the one array of joints, None without one, or with several; rotations beside are none."""
+    shapes = {name: shape for name, shape in array_shapes(source).items() if _is_of_joints(shape)}
+    places = [name for name, shape in shapes.items() if len(shape) > 2 and shape[-1] == 3]
+    names = places or list(shapes)
     return names[0] if len(names) == 1 else None
 
 
 def _is_of_joints(shape: tuple[int, ...]) -> bool:
-    """Whether it is (T, J, 3), with one more axis of a single person at most."""
+    """Whether it is (T, J, 3 or 4), (T, 3 or 4, J) or (T, 3 J or 4 J), with an axis of one person at most."""
     if len(shape) == 2:
-        return shape[0] > 1 and shape[1] in _ROWS_OF_LANDMARKS
-    if len(shape) not in (3, 4) or shape[-2] not in COUNTS:
-        return False
-    if shape[-1] != 3 and shape[-2:] != (len(LANDMARKS), 4):
+        return shape[0] > 1 and shape[1] in _FIELDS_OF_ROW
+    if len(shape) not in (3, 4) or not any(
+        joints in COUNTS and fields in _FIELDS for joints, fields in (shape[-2:], shape[:-3:-1])
+    ):
         return False
     *others, frames = sorted(shape[:-2])
     return frames > 1 and all(other == 1 for other in others)
 
 
-def _joints_and_fields(shape: tuple[int, ...]) -> tuple[int, int]:
-    """The joints, and the numbers of each."""
-    return (len(LANDMARKS), shape[1] // len(LANDMARKS)) if len(shape) == 2 else (shape[-2], shape[-1])
+def _by_joint(values: Any) -> Any:
+    """An array of such a shape as (T, J, 3 or 4)."""
+    if values.ndim == 2:
+        return values.reshape(len(values), -1, _FIELDS_OF_ROW[values.shape[1]])
+    if values.shape[-1] in COUNTS:
+        values = np.swapaxes(values, -1, -2)
+    return values.reshape(-1, *values.shape[-2:])

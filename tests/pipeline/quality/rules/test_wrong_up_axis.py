@@ -46,6 +46,18 @@ def test_a_wrong_up_axis_is_turned_up(moving: Moving, axis: str, halves: float) 
     assert mirrored_body.repair(repaired)[1] == []
 
 
+@pytest.mark.parametrize("tilt", [0.0, 20.0, 45.0])
+def test_upside_down_before_a_tilted_sensor(moving: Moving, tilt: float) -> None:
+    """As of a camera that looks down, whose Y points down."""
+    clip = moving(90, noise=0.005)
+    wrong = wrong_up_axis.rotated_clip(clip, from_axis_angle("X", np.pi))
+    wrong = wrong_up_axis.rotated_clip(wrong, from_axis_angle("Y", np.radians(tilt)))
+    repaired, (found,) = wrong_up_axis.repair(wrong)
+    assert (found.rule, found.action) == ("wrong_up_axis", "repaired")
+    head, ankle = (repaired.positions[:, N[name], 2] for name in ("head", "ankle_left"))
+    assert (head > ankle + 0.5).all()
+
+
 def test_an_euler_capture_is_turned_in_its_axes(bvh: Text) -> None:
     """A BVH whose Z is up, read as if Y were: after the repair its channels give the repaired positions."""
     clip = read_bvh(source_of(bvh(), Path("a.bvh")))

@@ -18,7 +18,15 @@ from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS
-from kinemimic.pipeline.readers.landmarks.joint_sets import MEDIAPIPE, SETS, JointSet, joint_set_of
+from kinemimic.pipeline.readers.landmarks.joint_sets import (
+    AZURE_KINECT,
+    KINECT_V1,
+    KINECT_V2,
+    MEDIAPIPE,
+    SETS,
+    JointSet,
+    joint_set_of,
+)
 
 HUMAN36M, COCO = SETS[:2]
 
@@ -95,6 +103,31 @@ def test_landmarks_in_a_row_and_with_their_visibility(fields: int, in_a_row: boo
     assert knee.tolist() == ([2] * 30 if fields == 3 else [2] * 10 + [1] * 20)
 
 
+@pytest.mark.parametrize("joint_set", [KINECT_V1, KINECT_V2, AZURE_KINECT], ids=lambda one: one.name)
+@pytest.mark.parametrize("layout", ["in a row", "behind the axes", "with a state", "with a state, in a row"])
+def test_the_arrays_of_other_programs(layout: str, joint_set: JointSet) -> None:
+    shown = walk(30)
+    points = joints(shown, joint_set)
+    knee = joint_set.nodes["knee_left"][0]
+    if "state" in layout:
+        states = np.full((30, points.shape[1], 1), 2.0)
+        states[10:, knee] = 1.0
+        points = np.concatenate([points, states], axis=-1)
+    if "row" in layout:
+        points = points.reshape(30, -1)
+    clip = read(saved(np.swapaxes(points, 1, 2) if layout == "behind the axes" else points))
+    np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+    seen = clip.states[:, clip.skeleton.names.index("knee_left")].tolist()
+    assert seen == ([2] * 10 + [1] * 20 if "state" in layout else [2] * 30)
+
+
+def test_rotations_beside_the_joints_of_an_archive() -> None:
+    points = joints(walk(30), KINECT_V1)
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (30, 20, 1))
+    clip = read(archive(joints=points, rotations=turns), "joints.npz")
+    np.testing.assert_allclose(clip.positions, truth(walk(30), clip), atol=1e-6)
+
+
 def test_joints_about_the_pelvis_have_no_pelvis() -> None:
     shown = walk(60)
     clip = read(files(60)["joints.npy"])
@@ -141,8 +174,8 @@ def test_keypoints_in_a_picture_are_refused(size: float) -> None:
     [
         saved(np.zeros((30, 18, 3))),
         saved(np.zeros((30, 17, 2))),
-        saved(np.zeros((30, 17, 4))),
-        saved(np.zeros((30, 51))),
+        saved(np.zeros((30, 17, 5))),
+        saved(np.zeros((30, 52))),
         saved(np.zeros((2, 30, 17, 3))),
         saved(np.zeros((1, 17, 3))),
     ],
@@ -159,7 +192,7 @@ def test_two_people_in_an_archive_are_refused() -> None:
 
 
 def test_an_array_of_objects_is_not_unpickled() -> None:
-    with pytest.raises(CaptureError, match="a numpy array that is not of shape"):
+    with pytest.raises(CaptureError, match="a numpy file of Python objects"):
         read(saved(np.array([{"joints": 1}], dtype=object)))
 
 
