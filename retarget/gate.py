@@ -52,8 +52,8 @@ MIN_SPEED = 0.3  # m/s
 _KINDS = ("walk", "run", "motion")
 
 
-def _all_kinds(least: float = -_INF, most: float = _INF) -> dict[str, tuple[float, float]]:
-    return dict.fromkeys(_KINDS, (least, most))
+def _all_kinds(*, most: float) -> dict[str, tuple[float, float]]:
+    return dict.fromkeys(_KINDS, (-_INF, most))
 
 
 def _gaits(least: float = -_INF, most: float = _INF) -> dict[str, tuple[float, float]]:

@@ -11,23 +11,18 @@ from PIL import Image
 from kinemimic.evaluate.film.film import Scene, render_frames
 from kinemimic.evaluate.film.render import Picture
 
-
-def filmstrip(
-    scene: Scene,
-    frames: Sequence[int],
-    *,
-    camera: str = "side",
-    size: tuple[int, int] = (190, 260),
-    theme: str = "light",
-) -> Picture:
-    """The given frames side by side in one picture, without words. size: of each frame, pixels."""
-    return np.hstack(list(render_frames(scene, frames, camera=camera, size=size, theme=theme, labels=False)))
+_QUALITY = 70  # of WebP, 0 to 100
 
 
-def loop_webp(pictures: Iterable[Picture], rate: float, *, quality: int = 70) -> bytes:
+def filmstrip(scene: Scene, frames: Sequence[int], *, size: tuple[int, int]) -> Picture:
+    """The given frames next to each other in one picture, seen from the side, without words. size: of each frame, pixels."""
+    return np.hstack(list(render_frames(scene, frames, camera="side", size=size, labels=False)))
+
+
+def loop_webp(pictures: Iterable[Picture], rate: float) -> bytes:
     """Pictures of one size as an endless animated WebP at `rate` pictures a second, without a time stamp.
 
-    quality: 0 to 100. ValueError if there are no pictures.
+    ValueError if there are no pictures.
     """
     images = [Image.fromarray(picture) for picture in pictures]
     if not images:
@@ -38,6 +33,6 @@ def loop_webp(pictures: Iterable[Picture], rate: float, *, quality: int = 70) ->
     durations = np.diff(ends, prepend=0).astype(int).tolist()
     images[0].save(
         stream, "WEBP", save_all=True, append_images=images[1:], duration=durations, loop=0,
-        quality=quality, method=4, minimize_size=False,
+        quality=_QUALITY, method=4, minimize_size=False,
     )  # fmt: skip
     return stream.getvalue()

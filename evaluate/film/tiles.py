@@ -19,10 +19,8 @@ def render_tiles(
     *,
     columns: int,
     size: tuple[int, int] = PANEL,
-    camera: str = "side",
-    theme: str = "light",
 ) -> Iterator[Picture]:
-    """Pictures of some frames, with a panel of `size` pixels for each (name, scene), in rows of `columns`.
+    """Pictures of some frames, seen from the side, with a panel of `size` pixels for each (name, scene), in rows of `columns`.
 
     A scene that is shorter stays at its last frame. ValueError without a scene, and as `render_frames`.
     """
@@ -33,9 +31,8 @@ def render_tiles(
         render_frames(
             replace(scene, note=name),
             [min(frame, len(scene.figure.positions) - 1) for frame in wanted],
-            camera=camera,
+            camera="side",
             size=size,
-            theme=theme,
         )
         for name, scene in scenes
     ]

@@ -160,8 +160,9 @@ def _log_series(
     stream.send_columns(place, times, rr.Scalars.columns(scalars=values))
 
 
-def _grid(path: Array, spacing: float = 0.5, margin: float = 3.0) -> rr.LineStrips3D:
+def _grid(path: Array) -> rr.LineStrips3D:
     """Ground lines around a path (N, 3); the grid of a view would move along with its origin."""
+    spacing, margin = 0.5, 3.0  # m
     low = np.floor((path.min(axis=0) - margin) / spacing) * spacing
     high = np.ceil((path.max(axis=0) + margin) / spacing) * spacing
     along = [[(x, low[1], 0.0), (x, high[1], 0.0)] for x in np.arange(low[0], high[0] + spacing / 2, spacing)]
