@@ -49,7 +49,8 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the first subject's segments, with rotations; the T-pose before the movement is left out.
+    """The clip of the first subject's segments, with rotations if the file has them; the T-pose before the
+    movement is left out.
 
     angles: the file's own knees and hips. Raises CaptureError for damaged XML, and frames that do not fit the
     segments.
@@ -60,9 +61,8 @@ def read(source: Source) -> Clip:
     if not content.frames:
         raise source.error(expected='frames of type "normal"', found="none")
     positions = _values(content, "position", 3 * count, source).reshape(-1, count, 3)
-    turns = _values(content, "orientation", 4 * count, source).reshape(-1, count, 4)[..., [1, 2, 3, 0]]
     order = [content.segments.index(name) for name in skeleton.names]
-    positions, turns = positions[:, order], turns[:, order]
+    positions = positions[:, order]
     wrong = ~(np.abs(positions) <= _MAX_COORDINATE)  # NaN too
     if wrong.any():
         frame, segment, axis = (int(k) for k in np.argwhere(wrong)[0])
@@ -71,7 +71,7 @@ def read(source: Source) -> Clip:
             found=f"{positions[frame, segment, axis]:g}",
             line=content.frames[frame].line,
         )
-    check_quaternions(turns, skeleton.names, lambda frame: f"line {content.frames[frame].line}", source)
+    turns = _turns(content, skeleton, order, source)
     times, later, defects = _times(content, source)
     if content.subjects > 1:
         text = f"{plural(content.subjects - 1, 'more subject')} in the file: the first is read"
@@ -90,7 +90,7 @@ def read(source: Source) -> Clip:
             segments=count,
         ),
         world_from_file=IDENTITY,
-        rotations=child_to_parent(turns[later], skeleton, IDENTITY),
+        rotations=None if turns is None else child_to_parent(turns[later], skeleton, IDENTITY),
         angles=_angles(content, later, source),
     )
 
@@ -116,6 +116,17 @@ def _skeleton(content: Content, source: Source) -> Skeleton:
         ordered += ready
     parents = tuple(ordered.index(above[name]) if name in above else -1 for name in ordered)
     return Skeleton(tuple(ordered), parents, np.zeros((len(ordered), 3)))
+
+
+def _turns(content: Content, skeleton: Skeleton, order: list[int], source: Source) -> Array | None:
+    """Orientations (T, J, 4) of the segments in the world; None if MVN was told to export none."""
+    if not any("orientation" in frame.values for frame in content.frames):
+        return None
+    count = len(order)
+    turns = _values(content, "orientation", 4 * count, source).reshape(-1, count, 4)[..., [1, 2, 3, 0]]
+    turns = turns[:, order]
+    check_quaternions(turns, skeleton.names, lambda frame: f"line {content.frames[frame].line}", source)
+    return turns
 
 
 def _values(content: Content, name: str, width: int, source: Source) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,6 +30,12 @@ TEXT = "\n".join(sample.document(FRAMES))
 
 def read(text: str) -> Clip:
     return recognise.read_source(source_of(text, Path("walk.mvnx")))
+
+
+def test_without_orientations_the_positions_are_read() -> None:
+    clip = read(re.sub(r"<orientation>.*?</orientation>", "", TEXT, flags=re.DOTALL))
+    assert clip.rotations is None
+    assert np.array_equal(clip.positions, read(TEXT).positions)
 
 
 def test_the_walk() -> None:
