@@ -133,6 +133,8 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "toes*",
         "toe*",
         "toe11*",
+        "*bigtoe",
+        "*footindex",
         "*footend",
         "*ankleend",
         "foot*end",

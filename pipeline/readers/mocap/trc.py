@@ -47,6 +47,8 @@ WORLD_FROM_FILE: Array = from_axis_angle("X", np.pi / 2.0)
 # The Time column usually has three digits, 0.017 for 1/60. If it agrees with the declared rate to this
 # precision (seconds), frame numbers over that rate are the better times.
 _TIME_DIGITS = 0.0011
+# Hz; and the longest median step in seconds of a column of times, beside a header that states a rate.
+_HIGHEST_RATE, _SLOWEST = 1e5, 0.5
 # The line of names begins with this; only Frame# is a mark of the format.
 _FIRST_NAMES = re.compile(r"\s*frame\s*(#?)\s+time(?!\S)", re.IGNORECASE)
 
@@ -86,8 +88,10 @@ def read(source: Source) -> Clip:
     if not np.isfinite(values[:, 1]).all():
         bad = int(np.argmin(np.isfinite(values[:, 1])))
         raise source.error(expected="a time in s", found="none", line=table.line(bad))
-    later, defects = increasing_times(values[:, 1])
-    times, notes = _times(values[:, 1], later, declared, source)
+    clock, notes = _clock(values[:, 1], declared)
+    later, defects = increasing_times(clock)
+    times, time_notes = _times(clock, later, declared, source)
+    notes += time_notes
     kept = values if later.all() else values[later]
     points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
     labels, points, others = main_person(labels, points)
@@ -180,16 +184,30 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
     return table, values[:, : values.shape[1] - spare]
 
 
+def _rate(declared: dict[str, str]) -> float:
+    """DataRate in Hz, 0 if there is none."""
+    try:
+        rate = float(declared.get("datarate", ""))
+    except ValueError:
+        return 0.0
+    return rate if 0.0 < rate < _HIGHEST_RATE else 0.0
+
+
+def _clock(clock: Array, declared: dict[str, str]) -> tuple[Array, list[str]]:
+    """The Time column, unless it holds no times (zeros, or the frames' numbers): then frames at DataRate."""
+    rate, steps = _rate(declared), np.diff(clock)
+    if not rate or not len(steps) or 0.0 < np.median(steps) < _SLOWEST * max(1.0, 1.0 / rate):
+        return clock, []
+    note = f"the Time column holds no times: frames at the header's {rate:g} Hz"
+    return np.arange(len(clock)) / rate, [note]
+
+
 def _times(
     clock: Array, later: NDArray[np.bool_], declared: dict[str, str], source: Source
 ) -> tuple[Array, list[str]]:
     """Seconds of the kept frames, and notes about them: the Time column takes precedence over DataRate."""
-    try:
-        rate = float(declared.get("datarate", ""))
-    except ValueError:
-        rate = 0.0
-    times = clock[later]
-    if 0.0 < rate < 1e5:
+    rate, times = _rate(declared), clock[later]
+    if rate:
         regular = times[0] + np.arange(len(times)) / rate
         if np.abs(regular - times).max() <= _TIME_DIGITS:
             return regular, []
@@ -199,5 +217,5 @@ def _times(
             found=f"a median step of {np.median(np.diff(times)):g}",
         )
     step = f"{1.0 / np.median(np.diff(times)):.4g} Hz" if len(times) > 1 else "one frame"
-    stated = f"states {rate:g} Hz" if 0.0 < rate < 1e5 else "states no rate"
+    stated = f"states {rate:g} Hz" if rate else "states no rate"
     return times, [f"times are those of the Time column, {step}; the header {stated}"]

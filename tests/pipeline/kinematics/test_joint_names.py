@@ -137,6 +137,14 @@ def test_the_trunk_of_each_convention(names: str, expected: str) -> None:
     )
 
 
+def test_the_feet_of_keypoints() -> None:
+    for joints in (
+        ("LAnkle", "LHeel", "LBigToe", "LSmallToe"),
+        ("left_ankle", "left_heel", "left_foot_index"),
+    ):
+        assert joints_by_name(joints) == {"ankle_left": 0, "foot_left": 2}
+
+
 def test_a_part_of_the_pelvis_beside_a_thigh_is_no_hip() -> None:
     joints = ("hips", *(f"{bone}.{s}" for s in "LR" for bone in ("hip", "thigh", "shin", "foot")))
     assert joints[joints_by_name(joints)["hip_left"]] == "thigh.L"

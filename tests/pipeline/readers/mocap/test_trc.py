@@ -235,3 +235,15 @@ def test_repeated_times_are_dropped_and_counted() -> None:
 def test_damage_is_named(content: str, message: str) -> None:
     with pytest.raises(CaptureError, match=message):
         read(content)
+
+
+@pytest.mark.parametrize("step", [0.0, 1.0, 16.667])
+def test_a_time_column_without_times_gives_way_to_the_rate(step: float) -> None:
+    rows = TEXT.split("\n")
+    first = next(k for k, row in enumerate(rows) if row.startswith("1\t"))
+    for number, k in enumerate(k for k in range(first, len(rows)) if rows[k]):
+        cells = rows[k].split("\t")
+        rows[k] = "\t".join([cells[0], f"{step * number:.3f}", *cells[2:]])
+    clip = read("\n".join(rows))
+    assert np.allclose(clip.times, np.arange(30) / RATE)
+    assert f"the Time column holds no times: frames at the header's {RATE:g} Hz" in notes(clip)
