@@ -2,7 +2,8 @@
 
 A joint's rotation is the product of its rotation channels in the order of the file, each in the frame rotated
 by the one before (intrinsic). Position channels replace the joint's OFFSET and are not added to it: Kinect
-exporters (Brekel) write both, and adding them would double every bone. Scale channels are not applied: bones
+exporters (Brekel) write both, and adding them would double every bone. Only where they would leave no bones,
+as the zeros that some tools write for every joint, are they added. Scale channels are not applied: bones
 have the lengths of the hierarchy. The file's world is Y up.
 """
 
@@ -34,6 +35,8 @@ FORMAT = Format(
 # Of a file without a frame time, in Hz.
 RATE = 30.0
 _AXES = "XYZ"
+# Share of an OFFSET's length below which position channels cannot be in place of it.
+_NO_BONE = 0.1
 # A T-pose is one frame, at most a few; a longer still pose means that the subject is not there yet
 # (quality/passes.py).
 _MAX_CALIBRATION = 5
@@ -61,6 +64,7 @@ def read(source: Source) -> Clip:
             advice="no motion was recorded, or the exporter failed",
         )
     orders, euler, offsets = channels(bvh)
+    relative = _add_offsets(bvh, offsets)
     parents = tuple(joint.parent for joint in bvh.joints)
     names, by_tree = _names(bvh, parents, orders, euler, offsets)
     unit = infer_unit(names, parents, offsets, source.path, named=source.unit)
@@ -71,6 +75,8 @@ def read(source: Source) -> Clip:
     if first:
         defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
     notes = [by_tree] if by_tree else []
+    if relative:
+        notes.append("position channels below the root are about zero: they are added to the offsets")
     if bvh.commas:
         notes.append("the numbers have decimal commas")
     if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
@@ -102,6 +108,25 @@ def read(source: Source) -> Clip:
             channels=int(bvh.motion.shape[1]),
         ),
     )
+
+
+def _add_offsets(bvh: BvhText, local: Array) -> bool:
+    """Add the OFFSETs to local positions (T, J, 3), in place, if their channels are counted from these; and
+    whether they were.
+
+    Then the channels of nearly all joints are nearly zero; those that replace an OFFSET are as long as it.
+    """
+    sizes = np.linalg.norm([joint.offset for joint in bvh.joints], axis=1)
+    moved = [
+        k
+        for k, joint in enumerate(bvh.joints)
+        if joint.parent >= 0 and sizes[k] > 0.0 and any(name.endswith("position") for name in joint.channels)
+    ]
+    shares = [float(np.median(np.linalg.norm(local[:, k], axis=-1))) / sizes[k] for k in moved]
+    if not shares or np.median(shares) > _NO_BONE:
+        return False
+    local[:, moved] += np.array([bvh.joints[k].offset for k in moved])
+    return True
 
 
 def _names(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -91,6 +92,27 @@ def test_position_channels_replace_the_offset(bvh: Text) -> None:
     clip = reader.read(source_of(head + "0.0333333\n" + "\n".join(longer), PATH))
     hips, thigh = (clip.positions[:, clip.skeleton.index(name)] for name in ("Hips", "LeftUpLeg"))
     assert np.linalg.norm(thigh - hips, axis=-1) == pytest.approx(0.01 * np.sqrt(121 + 49 + 1))
+
+
+def test_position_channels_that_leave_no_bones_are_added_to_the_offset(bvh: Text) -> None:
+    """Tools that write six channels for every joint may write zeros for the positions of all but the root."""
+    head, _, body = bvh().partition("MOTION\n")
+    frames, time, *rows = body.rstrip("\n").split("\n")
+    counts = [int(word) for word in re.findall(r"CHANNELS (\d)", head)]
+    first, *others = re.split(r"CHANNELS (?=\d)", head)
+    six = "CHANNELS 6 Xposition Yposition Zposition "
+    parts = [f"{six}{part[2:]}" if part[0] == "3" else f"CHANNELS {part}" for part in others]
+    wider = []
+    for row in rows:
+        words, numbers = [], row.split()
+        for count in counts:
+            words += (["0.001", "0", "0"] if count == 3 else []) + numbers[:count]
+            numbers = numbers[count:]
+        wider.append(" ".join(words))
+    text = "\n".join([f"{first}{''.join(parts)}MOTION", frames, time, *wider])
+    clip = reader.read(source_of(text, PATH))
+    assert np.abs(clip.positions - reader.read(source_of(bvh(), PATH)).positions).max() < 1e-3
+    assert "added to the offsets" in clip.provenance["reading"]["notes"][0]
 
 
 def test_scale_channels_are_not_applied(bvh: Text) -> None:
