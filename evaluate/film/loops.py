@@ -15,7 +15,7 @@ _QUALITY = 70  # of WebP, 0 to 100
 
 
 def filmstrip(scene: Scene, frames: Sequence[int], *, size: tuple[int, int]) -> Picture:
-    """The given frames next to each other in one picture, seen from the side, without words. size: of each frame, pixels."""
+    """Frames next to each other in one picture, from the side, without words. size: of each frame, pixels."""
     return np.hstack(list(render_frames(scene, frames, camera="side", size=size, labels=False)))
 
 
