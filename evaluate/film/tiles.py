@@ -20,7 +20,7 @@ def render_tiles(
     columns: int,
     size: tuple[int, int] = PANEL,
 ) -> Iterator[Picture]:
-    """Pictures of some frames from the side: a panel of `size` pixels for each (name, scene), `columns` in a row.
+    """Pictures of frames from the side: a panel of `size` pixels for each (name, scene), `columns` in a row.
 
     A scene that is shorter stays at its last frame. ValueError without a scene, and as `render_frames`.
     """
