@@ -23,6 +23,7 @@ from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.body_rows import from_first_body, of_one_person
+from kinemimic.pipeline.readers.custom_table.cells_apart import with_cells_apart
 from kinemimic.pipeline.readers.custom_table.custom_table import clip_of
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.description_file import parse
@@ -53,7 +54,7 @@ _MARGIN = 0.1
 
 def recognises(source: Source) -> bool:
     """True if the first lines are a table in which the joints are certain."""
-    return _layout(from_first_body(with_one_header(source))) is not None
+    return _layout(_plain_table(source)) is not None
 
 
 def read(source: Source) -> Clip:
@@ -66,7 +67,7 @@ def read(source: Source) -> Clip:
 
 def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> Clip:
     """`read`, for a table that is recognised, in a file of some format; rate: the one that it states."""
-    source = from_first_body(with_one_header(source))
+    source = _plain_table(source)
     found = _layout(source)
     assert found is not None  # noqa: S101 (recognises() holds)
     sheet, layout = found
@@ -88,6 +89,11 @@ def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> C
         columns=sheet.width,
     )
     return clip_of(description, rows, tree_of(description), record, format)
+
+
+def _plain_table(source: Source) -> Source:
+    """The source as a table of one header and a number in each cell, from when somebody is seen."""
+    return from_first_body(with_one_header(with_cells_apart(source)))
 
 
 def _layout(source: Source) -> tuple[Sheet, Layout] | None:

@@ -43,6 +43,13 @@ def by_joint(points: Array = POINTS) -> list[list[object]]:
     ]
 
 
+def places(form: str) -> list[list[object]]:
+    return [
+        [float(t), *(f'"{form.format(*place)}"' for place in frame.tolist())]
+        for t, frame in zip(TIMES, POINTS, strict=True)
+    ]
+
+
 def groups() -> str:
     joints = ["time", *(cell for name in NAMES for cell in (name, "", ""))]
     return ",".join(joints) + "\n" + table(["", *("x", "y", "z") * len(NAMES)], wide())
@@ -70,6 +77,9 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     ),
     "the joint above the axis": groups,
     "an index of several levels": multi_index,
+    "tuples": lambda: table(["Time", *NAMES], places("({}, {}, {})")),
+    "arrays": lambda: table(["Time", *NAMES], places("[{} {}  {}]"), ";"),
+    "dictionaries": lambda: table(["Time", *NAMES], places("{{'x': {}, 'y': {}, 'z': {}}}")),
     "no names": lambda: table([], wide(scale=1000)),
 }
 
