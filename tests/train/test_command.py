@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.small_training import ROUND, SMALL
 from peers.trackers import write_idle_tracker
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -26,9 +27,6 @@ from kinemimic.train.recovery.learning import SEARCHES
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.task.timer import Timer
-
-SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
-ROUND = SMALL.batch
 
 
 @pytest.fixture

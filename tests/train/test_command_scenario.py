@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.small_training import ROUND, SMALL
 from safetensors.numpy import load_file
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -21,8 +22,6 @@ from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 
-SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
-ROUND = SMALL.batch
 PUSH = Load(
     "torso", Range((0.0,), (0.5,)), Range.of(0.2), force=Range((-80.0, -80.0, 0.0), (80.0, 80.0, 0.0))
 )

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from peers.small_training import ROUND, SMALL
 
 from kinemimic.pipeline.cli.progress import reported_to
 from kinemimic.pipeline.cli.progress_state import ProgressState
@@ -14,12 +15,9 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.command import train
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import training_summary
 
-SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
-ROUND = SMALL.batch
 # Both within a round.
 PATIENT = replace(SMALL, budget=ROUND - 10, max_budget=4 * ROUND - 10)
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from peers.faults import FaultyProcesses
+from peers.holding import held_elsewhere
 from peers.killing import finish, kill_after, kill_at, start
 from peers.recordings import write_walk
 
@@ -21,15 +20,6 @@ from kinemimic.evaluate.batch.batch import batch
 from kinemimic.evaluate.batch.state import BatchState
 from kinemimic.pipeline.parallel.executor import InProcess
 from kinemimic.pipeline.parallel.task_pool import Failure
-
-HOLD = """
-import sys
-from pathlib import Path
-from kinemimic.pipeline.run_folder.lock import locked
-with locked(Path(sys.argv[1])):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -70,17 +60,6 @@ def test_a_capture_that_hangs_is_given_up(tmp_path: Path) -> None:
     assert (row["status"], row["reason"]) == ("failed", "timed out after 2 s")
 
 
-@contextmanager
-def held(folder: Path) -> Iterator[None]:
-    """Another process holds a run folder."""
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdout is not None and other.stdout.readline() == "held\n"
-        yield
-        other.kill()
-
-
 def test_a_run_folder_that_another_process_holds_stays_as_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -99,7 +78,7 @@ def test_a_run_folder_that_another_process_holds_stays_as_it_is(
             next(tasks)
             raise KeyboardInterrupt
 
-    with held(folder):
+    with held_elsewhere(folder):
         (row,) = batch([capture], out, executor=InProcess(), overwrite=True)["captures"]
         assert (row["status"], row["reason"]) == (
             "failed",

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from peers.inline_workers import InlineWorkers
+from peers.small_training import ROUND, SMALL
 
 from kinemimic.evaluate.compare import command as module
 from kinemimic.evaluate.compare.command import compare, increasing
@@ -32,9 +33,6 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as training
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout import rollout as rollouts
-
-SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
-ROUND = SMALL.batch
 
 
 @pytest.fixture

@@ -5,36 +5,22 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from peers.holding import held_elsewhere
 
 from kinemimic.evaluate.compare.ledger import exclusive
 from kinemimic.pipeline.errors import KinemimicError
 
-HOLD = """
-import sys
-from pathlib import Path
-from kinemimic.pipeline.run_folder.lock import locked
-with locked(Path(sys.argv[1])):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
-
 
 def test_a_second_comparison_is_refused(tmp_path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdout is not None and other.stdout.readline() == "held\n"
-        with (
-            pytest.raises(KinemimicError, match="no other comparison in this folder, found one running"),
-            exclusive(tmp_path),
-        ):
-            pass
-        other.kill()
+    with (
+        held_elsewhere(tmp_path),
+        pytest.raises(KinemimicError, match="no other comparison in this folder, found one running"),
+        exclusive(tmp_path),
+    ):
+        pass
     with exclusive(tmp_path):
         pass
     assert not list(tmp_path.iterdir())

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from peers.ray_nodes import RayNodes
+from peers.small_training import SMALL
 
 from kinemimic.evaluate.compare import command as module
 from kinemimic.evaluate.compare.cell import Cell
@@ -22,7 +23,6 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.presets import PRESETS
 
-SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 BUDGETS = (SMALL.batch, 3 * SMALL.batch)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from peers.holding import held_elsewhere
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import STAGES, stage_named, writer_of
@@ -239,25 +238,11 @@ def test_a_stage_is_not_up_to_date_while_unfinished(run: Path) -> None:
     assert not up_to_date(run, "train", sources={}, options={})
 
 
-HOLD = """
-import sys
-from pathlib import Path
-from kinemimic.pipeline.run_folder.lock import locked
-with locked(Path(sys.argv[1])):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
-
-
 @pytest.fixture
 def held(run: Path) -> Iterator[Path]:
     """The folder while another process holds it."""
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(run)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdout is not None and other.stdout.readline() == "held\n"
+    with held_elsewhere(run):
         yield run
-        other.kill()
 
 
 def test_another_process_is_refused(held: Path) -> None:
