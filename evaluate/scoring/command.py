@@ -17,7 +17,7 @@ from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.scoring.metrics.capture_fit import read_capture
 from kinemimic.evaluate.scoring.metrics.scores import compose
 from kinemimic.evaluate.scoring.metrics.tracking_error import FAILURE_DISTANCE, TRACKING_MEASURES
-from kinemimic.evaluate.scoring.metrics.verdict import verdict
+from kinemimic.evaluate.scoring.metrics.verdict import median, verdict
 from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.evaluate.scoring.reports.report import (
     LABELS,
@@ -26,7 +26,6 @@ from kinemimic.evaluate.scoring.reports.report import (
     ReportData,
     ReportInputs,
     adjusted,
-    median,
     report,
 )
 from kinemimic.pipeline.cli.html import number

@@ -12,12 +12,10 @@ from kinemimic.evaluate.simulate.frame import Frame, Score
 from kinemimic.evaluate.view.command import write_recording
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.pipeline.arrays import Array
-from kinemimic.retarget.humanoid.body import BODY_INDEX, node_offsets
+from kinemimic.retarget.humanoid.body import FEET, node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import Obstacle
-
-_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
 
 def write_replay(path: Path, frames: Sequence[Frame], motion: Motion | None, score: Score | None) -> None:
@@ -89,7 +87,7 @@ def _trajectory(frames: Sequence[Frame], motion: Motion | None) -> Trajectory:
         reward_names=np.array(list(frames[0].terms)),
         fallen_at=np.array([fell[0] if fell else len(frames)]),
         torques=np.zeros((1, len(frames), 14)),
-        contacts=np.linalg.norm(contacts[:, :, _FEET], axis=-1) > 0.0,
+        contacts=np.linalg.norm(contacts[:, :, FEET], axis=-1) > 0.0,
         contact_forces=contacts,
         motion="" if motion is None else motion.identity,
     )

@@ -24,7 +24,7 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import all_finite
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, Body
+from kinemimic.retarget.humanoid.body import BODIES, FEET, Body
 from kinemimic.train.sim.world import BodyStates, Obstacle
 
 FOLLOWED = "/followed"
@@ -35,7 +35,6 @@ _GREY, _BLUE = (150, 150, 150), (40, 110, 220)
 BESIDE = 1.2  # m
 _BONES = [(N[a], N[b]) for a, b in BONES]
 _HIDDEN = np.array([[[0.0, 0.0, -50.0], [0.0, 0.0, -50.001]]])  # an arrow that nobody sees
-_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 _HALF = 0.5 * np.array([body.size for body in BODIES])
 _Look = tuple[int, str, tuple[float, float, float]]  # number, shape and size of an obstacle
 
@@ -122,9 +121,9 @@ class Stage:
             _place(self.bodies, frame.bodies)
             if self.ghost_visible:
                 _place(self._ghost, frame.target)
-            root, feet = frame.bodies.positions[0], frame.bodies.positions[_FEET]
+            root, feet = frame.bodies.positions[0], frame.bodies.positions[FEET]
             forces, torques = _without_drag(frame)
-            _point(self._contacts, root, feet * [1.0, 1.0, 0.0], frame.contacts[_FEET] / arrow_scales.CONTACT)
+            _point(self._contacts, root, feet * [1.0, 1.0, 0.0], frame.contacts[FEET] / arrow_scales.CONTACT)
             _point(self._loads, root, _outside(frame.bodies, forces), forces / arrow_scales.FORCE)
             _point(self._torques, root, _outside(frame.bodies, torques), torques / arrow_scales.TORQUE)
             self._newtons.visible = frame.drag is not None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import content_hash
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,7 @@ BODIES: tuple[Body, ...] = (
 BODY_NAMES: tuple[str, ...] = tuple(body.name for body in BODIES)
 BODY_INDEX: dict[str, int] = {name: index for index, name in enumerate(BODY_NAMES)}
 BODY_PARENTS: tuple[int, ...] = tuple(BODY_INDEX.get(body.parent, -1) for body in BODIES)
+FEET: list[int] = [BODY_INDEX[f"foot_{side}"] for side in SIDES]
 # Node that carries each body, (15,); the 14 joints are those of BODIES[1:], in this order.
 BODY_NODES: NDArray[np.intp] = np.array([NODE_INDEX[body.node] for body in BODIES])
 BODY_MASSES: Array = np.array([body.mass for body in BODIES])  # kg

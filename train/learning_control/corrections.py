@@ -30,6 +30,7 @@ def joint(name: str) -> int:
 JOINTS = {
     name: [joint(f"{body}_{side}") for side in SIDES] for name, body in (("knee", "shin"), ("hip", "thigh"))
 }
+COLUMNS = JOINTS["knee"] + JOINTS["hip"]
 
 
 def steps_of_cycle(motion: Motion | Reference) -> int:

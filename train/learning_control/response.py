@@ -15,14 +15,13 @@ import numpy as np
 from scipy.linalg import hadamard
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.train.learning_control.corrections import JOINTS, Corrections, Errors, measured, weights
+from kinemimic.train.learning_control.corrections import COLUMNS, Corrections, Errors, measured, weights
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
 HARMONICS = 6  # of the cycle, in the corrections that are identified
 CYCLES = 2  # of a measurement; the errors are those of the last one
-_COLUMNS = JOINTS["knee"] + JOINTS["hip"]
-_COEFFICIENTS = len(_COLUMNS) * (1 + 2 * HARMONICS)
+_COEFFICIENTS = len(COLUMNS) * (1 + 2 * HARMONICS)
 # Humanoids of a measurement. Each probes all coefficients at once, in orthogonal combinations of signs.
 PROBES = 1 << _COEFFICIENTS.bit_length()
 _MOST_FALLEN = (PROBES - _COEFFICIENTS) // 2  # without them, the regression still has more rows than columns
@@ -86,6 +85,6 @@ def _tables(rows: int) -> Array:
     for k in range(1, HARMONICS + 1):
         waves += [np.sqrt(2.0) * np.cos(k * phase), np.sqrt(2.0) * np.sin(k * phase)]
     found = np.zeros((_COEFFICIENTS, rows, ACTIONS))
-    for index, (column, wave) in enumerate((column, wave) for column in _COLUMNS for wave in waves):
+    for index, (column, wave) in enumerate((column, wave) for column in COLUMNS for wave in waves):
         found[index, :, column] = wave
     return found

@@ -14,7 +14,7 @@ from kinemimic.train.sampling.push_levels import PushLevels
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ImitationBatch
 
-_WORD = (1 << 64) - 1
+WORD = (1 << 64) - 1  # the largest of 64 bits
 
 
 def begin_episodes(
@@ -38,7 +38,7 @@ def begin_episodes(
     drawn = [draw(config.domain_randomization, strength, random) for random in randoms]
     seeds = None
     if config.scenario is not None:
-        seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
+        seeds = np.array([random.integers(WORD, dtype=np.uint64) for random in randoms])
     sample = RandomizationSample.concatenated(drawn)
     if displaced is not None:
         sample = replace(sample, displacement=sample.displacement * displaced[:, None])

@@ -21,7 +21,7 @@ from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import Episode, Evaluator
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import RobustnessEvaluation
-from kinemimic.train.sampling.episodes import begin_episodes
+from kinemimic.train.sampling.episodes import WORD, begin_episodes
 from kinemimic.train.sampling.push_levels import PushLevels
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
@@ -35,7 +35,6 @@ BOOKKEEPING = "bookkeeping"
 # Everything besides the policy on which the next samples of E environments depend: arrays (E, ...) by name.
 EnvStates = Mapping[str, NDArray[Any]]
 _RANDOM = "random"  # one of them, (E, 6): PCG64's state and increment, two words each, and half a draw
-_WORD = (1 << 64) - 1
 
 
 @dataclass(frozen=True)
@@ -228,7 +227,7 @@ def _generator_state(random: np.random.Generator) -> NDArray[np.uint64]:
     """The complete state (6,) of a generator on PCG64."""
     state = random.bit_generator.state
     number, step = state["state"]["state"], state["state"]["inc"]
-    words = [number >> 64, number & _WORD, step >> 64, step & _WORD, state["has_uint32"], state["uinteger"]]
+    words = [number >> 64, number & WORD, step >> 64, step & WORD, state["has_uint32"], state["uinteger"]]
     return np.array(words, dtype=np.uint64)
 
 

@@ -17,9 +17,9 @@ from kinemimic.retarget.formats.urdf import SMALL_INERTIA, SMALL_MASS
 from kinemimic.retarget.humanoid.body import (
     BODIES,
     BODY_CENTERS,
-    BODY_INDEX,
     BODY_MASSES,
     BODY_PARENTS,
+    FEET,
     Body,
     node_offsets,
 )
@@ -52,7 +52,6 @@ SETTINGS: dict[str, Any] = {
 }
 _SHAPES = {"box": 0, "sphere": 1, "ellipsoid": 2}
 _OBSTACLE_SHAPES = {"box": 0, "sphere": 1, "cylinder": 2}
-_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
 
 def _control_inertia(body: Body) -> tuple[float, float, float]:
@@ -133,7 +132,7 @@ class NativeWorld:
         return self._batch.exploded.copy()
 
     def contacts(self) -> NDArray[np.bool_]:
-        return self._batch.touching()[:, _FEET]
+        return self._batch.touching()[:, FEET]
 
     def contact_forces(self) -> Array:
         return self._batch.contact_forces()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.formats.urdf import humanoid_urdf
-from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, FEET
 from kinemimic.train.sim.pybullet_client import (
     FROM_BULLET,
     QUAT_FROM_BULLET,
@@ -43,8 +43,6 @@ from kinemimic.train.sim.world import (
     Poses,
     check_variation,
 )
-
-_FEET = (BODY_INDEX["foot_left"], BODY_INDEX["foot_right"])
 
 
 def _disconnect(clients: list[int]) -> None:
@@ -234,7 +232,7 @@ class BulletWorld:
                             bodyA=self._humanoid, linkIndexA=foot, physicsClientId=client
                         )
                     )
-                    for foot in _FEET
+                    for foot in FEET
                 ]
                 for client, exploded in zip(self._clients, self._exploded, strict=True)
             ]

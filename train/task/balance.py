@@ -13,7 +13,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_MASSES
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_MASSES, FEET
 from kinemimic.train.sim.world import BodyStates
 
 # Radians of the target for a metre that the point is off. The stable PD treats a foot on the ground as free,
@@ -23,7 +23,6 @@ MAX_ANKLE_PITCH, MAX_ANKLE_ROLL, MAX_HIP = 1.5, 1.0, 0.6
 BEHIND_MIDDLE = 0.03  # m of the middle of the feet: a centimetre before the ankles
 STANDING = 0.03  # m: a foot that much above the lower one, at most, stands
 FOLLOWED = 0.7  # share of the way from the middle to a foot up to which the sway of a reference is followed
-_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 _THIGHS = [BODY_INDEX["thigh_left"], BODY_INDEX["thigh_right"]]
 _SHARES: Array = BODY_MASSES / BODY_MASSES.sum()
 _LOWEST_PENDULUM = 0.3  # m
@@ -32,7 +31,7 @@ _NARROWEST = 0.05  # m between the feet
 
 def standing_feet(bodies: BodyStates) -> Array:
     """(E, 2) of left and right foot: 1 for one that stands, 0 for one in the air."""
-    heights = bodies.positions[:, _FEET, 2]
+    heights = bodies.positions[:, FEET, 2]
     lowest = heights.min(axis=1, keepdims=True)
     return np.asarray(heights <= lowest + STANDING, dtype=np.float64)
 
@@ -62,7 +61,7 @@ def balance_turns(bodies: BodyStates, target: BodyStates | None = None) -> Array
         left = left - _sway(target, standing)
     loads = np.where(standing.all(axis=1, keepdims=True), _loads(bodies), standing)
     turns = np.zeros((count, len(BODIES) - 1, 3))
-    for side, (foot, thigh) in enumerate(zip(_FEET, _THIGHS, strict=True)):
+    for side, (foot, thigh) in enumerate(zip(FEET, _THIGHS, strict=True)):
         on = standing[:, side]
         turns[:, foot - 1, 0] = on * np.clip(-ANKLE_ROLL * left, -MAX_ANKLE_ROLL, MAX_ANKLE_ROLL)
         turns[:, foot - 1, 1] = on * np.clip(ANKLE_PITCH * ahead, -MAX_ANKLE_PITCH, MAX_ANKLE_PITCH)
@@ -74,7 +73,7 @@ def balance_turns(bodies: BodyStates, target: BodyStates | None = None) -> Array
 
 def _sway(target: BodyStates, standing: Array) -> Array:
     """(E,) how far to the left of the middle its reference stands, m: 0 on one foot."""
-    between = np.abs(_in_heading(target, target.positions[:, _FEET[0]] - target.positions[:, _FEET[1]])[:, 1])
+    between = np.abs(_in_heading(target, target.positions[:, FEET[0]] - target.positions[:, FEET[1]])[:, 1])
     most = FOLLOWED * 0.5 * between * standing.all(axis=1)
     swayed: Array = np.clip(off_balance(target, standing)[:, 1], -most, most)
     return swayed
@@ -83,7 +82,7 @@ def _sway(target: BodyStates, standing: Array) -> Array:
 def _loads(bodies: BodyStates) -> Array:
     """(E, 2) shares of the weight on the left and the right foot of humanoids that stand still on both."""
     centre = np.einsum("b,ebi->ei", _SHARES, bodies.positions)
-    left, right = (_in_heading(bodies, bodies.positions[:, foot] - centre)[:, 1] for foot in _FEET)
+    left, right = (_in_heading(bodies, bodies.positions[:, foot] - centre)[:, 1] for foot in FEET)
     share = np.clip(-right / np.maximum(left - right, _NARROWEST), 0.0, 1.0)
     return np.stack([share, 1.0 - share], axis=1)
 
@@ -91,7 +90,7 @@ def _loads(bodies: BodyStates) -> Array:
 def _base(bodies: BodyStates, standing: Array | None) -> Array:
     """(E, 3) the middle of the feet that carry them."""
     feet = np.ones((len(bodies.positions), 2)) if standing is None else standing
-    base: Array = np.einsum("ef,efi->ei", feet / feet.sum(axis=1, keepdims=True), bodies.positions[:, _FEET])
+    base: Array = np.einsum("ef,efi->ei", feet / feet.sum(axis=1, keepdims=True), bodies.positions[:, FEET])
     return base
 
 

@@ -21,6 +21,7 @@ from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.learning_control.corrections import (
+    COLUMNS,
     FIRST_JOINT,
     JOINTS,
     TURNS,
@@ -42,7 +43,6 @@ SHARES = (1.0, 0.5)  # of the corrections; the largest with which nobody falls i
 _SETTINGS = LearningControl()
 _HARMONICS = 7  # of the mean errors
 _SMOOTHING = 1e-3  # weight of their highest harmonic, beside the squares of the errors
-_COLUMNS = JOINTS["knee"] + JOINTS["hip"]
 _GRID: Array = np.arange(ROWS) / ROWS
 
 
@@ -99,7 +99,7 @@ def library_corrections(task: Task) -> LibraryCorrections:
         better = (errors.falls == 0) & (remaining < least)
         best[better], least[better] = table[better], remaining[better]
         change = gains * (ahead @ errors.coefficients)
-        table[:, :, _COLUMNS] += damped(change, _SETTINGS.harmonics, axis=1)
+        table[:, :, COLUMNS] += damped(change, _SETTINGS.harmonics, axis=1)
         table = np.clip(table, -_SETTINGS.largest, _SETTINGS.largest)
     kept, learned = np.zeros_like(best), np.zeros(count, dtype=np.bool_)
     for share in SHARES:
@@ -124,8 +124,8 @@ def _measured(batch: ImitationBatch, policy: Policy, tables: Array, steps: int) 
     """Errors with corrections (M, ROWS, 42); humanoids start on the reference, at phases k / HUMANOIDS."""
     motions, size, terms = len(tables), batch.world.size, 1 + 2 * _HARMONICS
     corrections = Corrections(np.repeat(tables, HUMANOIDS, axis=0))
-    normal, right = np.zeros((motions, terms, terms)), np.zeros((motions, terms, len(_COLUMNS)))
-    squares, counts = np.zeros((motions, len(_COLUMNS))), np.zeros(motions)
+    normal, right = np.zeros((motions, terms, terms)), np.zeros((motions, terms, len(COLUMNS)))
+    squares, counts = np.zeros((motions, len(COLUMNS))), np.zeros(motions)
     falls = np.zeros(motions, dtype=np.int64)
     everyone = np.arange(size)
     batch.reset(everyone, (everyone % HUMANOIDS) / HUMANOIDS)
@@ -134,7 +134,7 @@ def _measured(batch: ImitationBatch, policy: Policy, tables: Array, steps: int) 
         fallen = batch.fallen()
         upright = ~fallen[:, None]
         waves = (design(batch.phases, _HARMONICS) * upright).reshape(motions, HUMANOIDS, terms)
-        turns = batch.turns.reshape(size, TURNS)[:, FIRST_JOINT:][:, _COLUMNS] * upright
+        turns = batch.turns.reshape(size, TURNS)[:, FIRST_JOINT:][:, COLUMNS] * upright
         errors = turns.reshape(motions, HUMANOIDS, -1)
         normal += waves.swapaxes(1, 2) @ waves
         right += waves.swapaxes(1, 2) @ errors
@@ -156,7 +156,7 @@ def _gains_and_variances(reference: FollowedReference) -> tuple[Array, Array]:
     count = len(reference.motions)
     phases = np.broadcast_to(_GRID, (count, ROWS)).copy()
     bodies, curves = reference.bodies(phases), joint_angles(reference.nodes(phases).reshape(-1, 20, 4))
-    gains = np.full((count, ROWS, len(_COLUMNS)), _SETTINGS.knee)
+    gains = np.full((count, ROWS, len(COLUMNS)), _SETTINGS.knee)
     for k, side in enumerate(SIDES):
         height = bodies.positions[:, :, BODY_INDEX[f"foot_{side}"], 2]
         swings = height > height.min(axis=1, keepdims=True) + LIFTED

@@ -28,11 +28,11 @@ def verdict(scores: Mapping[str, Any], where: str = "") -> Verdict:
             cyclic=motion.get("cyclic", survived["phases_of"] > 1),
             kind=motion.get("kind", ""),
             fits={
-                joint: (_median(fit[joint]["r2_upright"]), _median(fit[joint]["rmse_deg"]))
+                joint: (median(fit[joint]["r2_upright"]), median(fit[joint]["rmse_deg"]))
                 for joint in SCORED_JOINTS
             },
-            speed_ratio=_median(root["phases"]["speed_ratio"]),
-            path_error_m=_median(root["phases"]["path_error_m"]),
+            speed_ratio=median(root["phases"]["speed_ratio"]),
+            path_error_m=median(root["phases"]["path_error_m"]),
             # Earlier versions wrote no path; their references went straight.
             path_m=root.get("reference_path_m", root["reference_advance_m"]),
             findings=tuple(motion.get("findings", ())),
@@ -42,5 +42,6 @@ def verdict(scores: Mapping[str, Any], where: str = "") -> Verdict:
     )
 
 
-def _median(spread: Mapping[str, float | None] | None) -> float | None:
+def median(spread: Mapping[str, float | None] | None) -> float | None:
+    """The median of a spread over start phases; None where the value is undefined."""
     return None if spread is None else spread["median"]

@@ -13,7 +13,7 @@ from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
 from kinemimic.evaluate.scoring.metrics.gait_report import gait_report
 from kinemimic.evaluate.scoring.metrics.gait_subjects import GaitSubject, captured, strike_phases
 from kinemimic.evaluate.scoring.metrics.tracking_error import TRACKING_MEASURES
-from kinemimic.evaluate.scoring.metrics.verdict import verdict
+from kinemimic.evaluate.scoring.metrics.verdict import median, verdict
 from kinemimic.evaluate.scoring.reports import figures
 from kinemimic.evaluate.scoring.reports.capture_sections import capture_values
 from kinemimic.evaluate.scoring.reports.cycle_figures import against_capture, mean_cycle
@@ -137,11 +137,6 @@ def _strides(subjects: Mapping[str, Any]) -> str:
         return "the reference's strides; the humanoid completed none"
     left, right = (subjects["simulated"]["strides"][side] for side in SIDES)
     return f"all strides (the humanoid's: {left} left, {right} right)"
-
-
-def median(spread: Mapping[str, float | None] | None) -> float | None:
-    """The median of a spread over start phases; None where the value is undefined."""
-    return None if spread is None else spread["median"]
 
 
 def adjusted(numbers: Mapping[str, Any]) -> list[str]:

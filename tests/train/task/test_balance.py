@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
-from kinemimic.retarget.humanoid.body import BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODY_INDEX, FEET
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.env_config import EnvConfig
@@ -18,7 +18,6 @@ from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.balance import balance_turns, off_balance, standing_feet
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
-FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 ANKLES = [foot - 1 for foot in FEET]
 HIPS = [BODY_INDEX["thigh_left"] - 1, BODY_INDEX["thigh_right"] - 1]
 

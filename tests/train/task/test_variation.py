@@ -11,12 +11,11 @@ from peers.stance import HOLD, MASSES, STEP, upright
 
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_rotvec
-from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, FEET, TOTAL_MASS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import FRICTION, MIN_MASS, SUBSTEPS, TIME_STEP, BodyStates, World
 
-FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 WEIGHT = TOTAL_MASS * GRAVITY
 NORMAL = (FRICTION, 1.0)
 
