@@ -46,15 +46,7 @@ def open_table(path: Path, *, kind: str, advice: str) -> Iterator[tuple[pq.Parqu
             found = f"no key {error} in its header"
             raise CaptureError(path, expected=kind, found=found, advice=advice) from None
         # pyarrow reports damage by any of these, and trusts the lengths in a damaged file.
-        except (
-            pa.ArrowException,
-            OSError,
-            ValueError,
-            TypeError,
-            IndexError,
-            OverflowError,
-            MemoryError,
-        ) as error:
+        except _DAMAGE as error:
             # Our own errors are plain ones.
             found = str(error) if type(error) is ValueError else "a damaged file, or no Parquet"
             raise CaptureError(path, expected=kind, found=found, advice=advice) from None
