@@ -23,6 +23,7 @@ from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option
 
 if TYPE_CHECKING:
+    from kinemimic.evaluate.simulate.page import Page
     from kinemimic.evaluate.stream.source import Source
 
 DEFAULT_PAGE, DEFAULT_UDP = 8090, 8095
@@ -127,7 +128,7 @@ def command(
     """
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415 (import cost)
     from kinemimic.evaluate.simulate.frame import LiveSettings  # noqa: PLC0415
-    from kinemimic.evaluate.stream.live import SOURCE, stream  # noqa: PLC0415
+    from kinemimic.evaluate.stream.live import stream  # noqa: PLC0415
     from kinemimic.train.sim.world import CONTROL_RATE  # noqa: PLC0415
 
     if with_page:
@@ -137,12 +138,7 @@ def command(
     try:
         prepare(policy, run)
         if with_page:
-            from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415 (loads viser)
-            from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
-
-            # The policy, the motion and its phase are given; only a file waits while time is slowed.
-            choices = Choices((policy,), (SOURCE,), (), policy, SOURCE, phases=False, slower=source.waits)
-            page = Page(port, secrets.token_urlsafe(16), choices)
+            page = _page(port, policy, source)
             echo(f"{source.name}; open {page.address}\nCtrl-C ends it.", err=as_json)
         elif replay is None:
             echo(f"{source.name}; Ctrl-C ends it.", err=as_json)
@@ -172,6 +168,16 @@ def command(
     if not as_json:
         for line in _words(found):
             echo(line)
+
+
+def _page(port: int, policy: str, source: Source) -> Page:
+    """The page, on which policy, motion and phase are given; only a file waits while time is slowed."""
+    from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415 (loads viser)
+    from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
+    from kinemimic.evaluate.stream.live import SOURCE  # noqa: PLC0415
+
+    choices = Choices((policy,), (SOURCE,), (), policy, SOURCE, phases=False, slower=source.waits)
+    return Page(port, secrets.token_urlsafe(16), choices)
 
 
 def _words(found: dict[str, Any]) -> list[str]:
