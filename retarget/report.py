@@ -129,7 +129,10 @@ def _on_the_ground(fit: CyclicFit, balance: Balance | None) -> dict[str, Any]:
 
 
 def _balance(found: Balance | None) -> dict[str, Any] | None:
-    return found and {
+    """How far the zero-moment point is from the soles, and how far the root went for it; None without."""
+    if found is None:
+        return None
+    return {
         "outside_m": _n(found.outside),
         "outside_before_m": _n(found.outside_before),
         "displacement_m": _n(found.displacement),
