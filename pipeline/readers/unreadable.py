@@ -16,6 +16,8 @@ class Unreadable(NamedTuple):
 
 
 _UNPACK = "unpack it first (gzip alone is read packed)"
+_AS_BVH = "export its motion as BVH, for example from Blender"
+_AS_CSV = "save the positions of the joints as CSV"
 # The name of a part of every spreadsheet of Excel, which is a ZIP archive.
 _SHEET = b"xl/workbook.xml"
 # The name of a part of every file of PyTorch, and bytes of the longest header of a numpy file that are read.
@@ -24,6 +26,11 @@ _AS_ARRAYS = "save its arrays as .npz, in the layout of AMASS if it is a body mo
 _VIDEO = "give the video itself to `kinemimic ingest`"
 # Bytes at a place of the file -> what it is.
 _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
+    (b"Kaydara FBX Binary", 0, Unreadable("a file of FBX", _AS_BVH)),
+    (b"glTF", 0, Unreadable("a file of glTF", _AS_BVH)),
+    (b"BLENDER", 0, Unreadable("a scene of Blender", _AS_BVH)),
+    (b"MATLAB 5.0 MAT-file", 0, Unreadable("a file of MATLAB", _AS_CSV)),
+    (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5 or MATLAB", _AS_CSV)),
     (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
     (b"7z\xbc\xaf\x27\x1c", 0, Unreadable("a 7z archive", _UNPACK)),
     (b"Rar!\x1a\x07", 0, Unreadable("a RAR archive", _UNPACK)),

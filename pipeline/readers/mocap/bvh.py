@@ -92,7 +92,7 @@ def read(source: Source) -> Clip:
         defects.append(Defect("dropped_frames", unknown, "frames", "flagged", text))
     if not bvh.frame_time:
         text = f"the file has no frame time: {RATE:g} Hz, unless --rate says what it has"
-        defects.append(Defect("wrong_rate", 1, "rates", "flagged", text))
+        defects.append(Defect("wrong_rate", len(euler), "frames", "flagged", text))
     return clip_of_channels(
         skeleton,
         bvh.numbers[first:].astype(np.float64) * (bvh.frame_time or 1.0 / RATE),

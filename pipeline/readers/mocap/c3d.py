@@ -107,7 +107,7 @@ def read(source: Source) -> Clip:
     if rate == 0.0:
         rate = RATE
         text = f"the file has no rate: {RATE:g} Hz, unless --rate says what it has"
-        wrong.append(Defect("wrong_rate", 1, "rates", "flagged", text))
+        wrong.append(Defect("wrong_rate", len(points), "frames", "flagged", text))
     notes = []
     if up not in _UP:
         stated = f"the file states {up[:8]} as up, which is not supported" if up else "the file states no up"
