@@ -172,7 +172,7 @@ class Session:
             self._window.clear()
         elif isinstance(event, Enter):
             if self._scenario_named is None and event.scenario:
-                raise KinemimicError("expected no scenario, found that this session knows none")
+                raise KinemimicError("expected no scenario: this session knows none")
             named = self._scenario_named
             self._enter(named(event.scenario) if named and event.scenario else None, event.trial)
         elif isinstance(event, Ground):
