@@ -19,9 +19,17 @@ from kinemimic.evaluate.simulate.inputs import (
     Ground,
     Input,
     Push,
-    Request,
     Restart,
     Throw,
+)
+from kinemimic.evaluate.simulate.requests import (
+    Choose,
+    Redraw,
+    Request,
+    SetSpeed,
+    StepOnce,
+    TogglePause,
+    ToggleRecording,
 )
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -141,27 +149,27 @@ class Controls:
     def _play(self, choices: Choices) -> None:
         gui, act = self._server.gui, self._act
         self._pause = self._clicks(
-            gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE), lambda _: act.send(("toggle", ()))
+            gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE), lambda _: act.send(TogglePause())
         )
         self._clicks(
-            gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT), lambda _: act.send(("step", ()))
+            gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT), lambda _: act.send(StepOnce())
         )
         if choices.slower:
             speed = gui.add_slider("Playback speed", 0.1, 1.0, 0.05, 1.0, hint="1 is real time")
-            self._held(speed, lambda: ("speed", (float(speed.value),)))
+            self._held(speed, lambda: SetSpeed(float(speed.value)))
         phase = self._held(gui.add_slider("Start phase", 0.0, 1.0, 0.01, 0.0)) if choices.phases else None
         self._button(
             "Restart",
             lambda: Restart(0.0 if phase is None else float(phase.value)),
             "Put the humanoid onto its reference",
         )
-        self.follow = self._held(gui.add_checkbox("Camera follows", initial_value=True), lambda: ("look", ()))
-        self.ghost = self._held(gui.add_checkbox("Show reference", initial_value=True), lambda: ("look", ()))
+        self.follow = self._held(gui.add_checkbox("Camera follows", initial_value=True), Redraw)
+        self.ghost = self._held(gui.add_checkbox("Show reference", initial_value=True), Redraw)
         if choices.others:
             self._choose(choices)
         self._recorder = self._clicks(
             gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red"),
-            lambda _: act.send(("record", ())),
+            lambda _: act.send(ToggleRecording()),
         )
 
     def _choose(self, choices: Choices) -> None:
@@ -179,7 +187,7 @@ class Controls:
             if own and motion != policy and event.client_id is not None:
                 self._act.say(event.client_id, f"{policy} performs only its own motion")
                 performed.value = motion = policy
-            act.send(("choose", (policy, motion, float(pace.value))))
+            act.send(Choose(policy, motion, float(pace.value)))
 
         self._clicks(gui.add_button("Change policy and motion"), choose)
 

@@ -7,7 +7,7 @@ world. All lengths are metres, forces newtons, torques newton metres, angles rad
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta, Struct
@@ -95,8 +95,6 @@ class Enter(Struct, tag="enter", frozen=True):
 
 
 Input = Drag | Release | Push | Throw | Clear | Ground | Carry | Restart | Enter
-# What a person asks of the page beside inputs: its name and arguments. look: draw again.
-Request = tuple[Literal["toggle", "step", "speed", "choose", "record", "look"], tuple[Any, ...]]
 
 
 def checked(event: Input) -> Input:

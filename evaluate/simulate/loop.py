@@ -7,25 +7,35 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING, Frame
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Ground, Input, checked, finite
 from kinemimic.evaluate.simulate.recording import Recorder, next_folder
+from kinemimic.evaluate.simulate.requests import (
+    Choose,
+    Redraw,
+    Request,
+    SetSpeed,
+    StepOnce,
+    TogglePause,
+    ToggleRecording,
+)
 from kinemimic.evaluate.simulate.session import Session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.plural import plural
 from kinemimic.train.sim.world import CONTROL_RATE
 
+SLOWEST = 0.05  # share of real time
 SHOW_INTERVAL = 6  # control steps between two updates of numbers and curves
 
 
 class PageView(Protocol):
     """What the loop needs of a page."""
 
-    waiting: queue.Queue[Any]
+    waiting: queue.Queue[Input | Request]
 
     def draw(self, frame: Frame) -> None: ...
 
@@ -145,7 +155,7 @@ class Loop:
 
     def _take_inputs(self) -> bool:
         """Take what waits; whether anything did."""
-        events: list[Any] = []
+        events: list[Input | Request] = []
         while True:
             try:
                 events.append(self._page.waiting.get_nowait())
@@ -167,24 +177,22 @@ class Loop:
             self._record_input(frame)
             self.session.apply(frame)
 
-    def _take(self, event: Any) -> None:
-        if not isinstance(event, tuple):
-            self._apply(event)
-            return
-        name, arguments = event
-        if name == "toggle":
+    def _take(self, event: Input | Request) -> None:
+        if isinstance(event, TogglePause):
             self.paused = not self.paused
-        elif name == "step":
+        elif isinstance(event, StepOnce):
             self.paused, self._steps_asked = True, self._steps_asked + 1
-        elif name == "speed":
-            if finite(*arguments):
-                self._clock.speed = min(max(float(arguments[0]), 0.05), 1.0)
-        elif name == "look":
+        elif isinstance(event, SetSpeed):
+            if finite(event.share):
+                self._clock.speed = min(max(event.share, SLOWEST), 1.0)
+        elif isinstance(event, Redraw):
             self._altered = True
-        elif name == "record":
+        elif isinstance(event, ToggleRecording):
             self._end_recording() if self.recorder is not None else self.record()
+        elif isinstance(event, Choose):
+            self._change(event)
         else:
-            self._change(*arguments)
+            self._apply(event)
 
     def _apply(self, event: Input) -> None:
         event = checked(event)
@@ -198,8 +206,8 @@ class Loop:
         # A drag is sent again with every picture.
         self._altered |= not isinstance(event, Drag)
 
-    def _change(self, policy: str, motion: str, speed: float) -> None:
-        performed = self._choose(policy, motion, speed)
+    def _change(self, wanted: Choose) -> None:
+        performed = self._choose(wanted.policy, wanted.motion, wanted.speed)
         session = self._open(performed)
         self._end_recording()
         self._performed = performed

@@ -21,7 +21,8 @@ import viser
 from kinemimic.evaluate.simulate.controls import Actions, Choices, Controls
 from kinemimic.evaluate.simulate.frame import Frame
 from kinemimic.evaluate.simulate.guard import HOST, Guard, free_port, guarded, never_share
-from kinemimic.evaluate.simulate.inputs import Drag, Input, Release, Request, finite
+from kinemimic.evaluate.simulate.inputs import Drag, Input, Release, finite
+from kinemimic.evaluate.simulate.requests import Request
 from kinemimic.evaluate.simulate.stage import Stage
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import queue
 from collections import Counter
-from typing import Any
 
 from kinemimic.evaluate.simulate.frame import Frame
+from kinemimic.evaluate.simulate.inputs import Input
 from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.loop import PageView
+from kinemimic.evaluate.simulate.requests import Request
 from kinemimic.evaluate.stream.source import Source
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.recogniser import Reading
@@ -21,7 +22,7 @@ class NoPage:
     """A page without viewers: every method does nothing."""
 
     def __init__(self) -> None:
-        self.waiting: queue.Queue[Any] = queue.Queue()
+        self.waiting: queue.Queue[Input | Request] = queue.Queue()
 
     def draw(self, frame: Frame) -> None:
         """Nobody looks."""

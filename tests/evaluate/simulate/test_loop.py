@@ -27,6 +27,14 @@ from kinemimic.evaluate.simulate.inputs import (
 from kinemimic.evaluate.simulate.loop import Loop, Performance
 from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
 from kinemimic.evaluate.simulate.repertoire import Repertoire
+from kinemimic.evaluate.simulate.requests import (
+    Choose,
+    Redraw,
+    SetSpeed,
+    StepOnce,
+    TogglePause,
+    ToggleRecording,
+)
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.live.frame import CapturedFrame
@@ -81,16 +89,16 @@ def loop(page: Page, walk_run: Path, tmp_path: Path) -> Loop:
 def test_a_pause_stops_and_one_step_steps(loop: Loop, page: Page) -> None:
     for _ in range(3):
         loop.beat()
-    page.waiting.put(("toggle", ()))
+    page.waiting.put(TogglePause())
     for _ in range(3):
         loop.beat()
     assert len(page.frames) == 3
     assert "paused" in page.states[-1]
-    page.waiting.put(("step", ()))
+    page.waiting.put(StepOnce())
     loop.beat()
     loop.beat()
     assert [frame.step for frame in page.frames] == [1, 2, 3, 4]
-    page.waiting.put(("toggle", ()))
+    page.waiting.put(TogglePause())
     loop.beat()
     assert len(page.frames) == 5
 
@@ -106,9 +114,9 @@ def test_a_pause_holds_a_file_but_not_a_sensor(loop: Loop, page: Page) -> None:
         asked.clear()
         loop._frames, loop._waits, loop._beats = frames, waits, 0
         loop.beat()
-        page.waiting.put(("toggle", ()))
+        page.waiting.put(TogglePause())
         loop.beat()
-        page.waiting.put(("toggle", ()))
+        page.waiting.put(TogglePause())
         loop.beat()
         assert asked == [beat / CONTROL_RATE for beat in beats]
 
@@ -141,7 +149,7 @@ def test_another_motion_of_the_same_name_gets_another_folder(walk_run: Path, tmp
 def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Page, tmp_path: Path) -> None:
     for _ in range(5):
         loop.beat()
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     loop.beat()
     assert page.frames[-1].step == 1
     page.waiting.put(Push("torso", force=(50.0, 0.0, 0.0)))
@@ -151,7 +159,7 @@ def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Pag
     page.waiting.put(Release())
     for _ in range(20):
         loop.beat()
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     loop.beat()
     folder = tmp_path / "recordings" / "session-1"
     assert page.said[-1] == f"recorded: kinemimic simulate --replay --run {folder}"
@@ -163,7 +171,7 @@ def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Pag
 
 def test_what_does_not_fit_is_said_and_changes_nothing(loop: Loop, page: Page) -> None:
     page.waiting.put(Push("torso", force=(1e9, 0.0, 0.0)))
-    page.waiting.put(("choose", ("no-such", "run", 1.0)))
+    page.waiting.put(Choose("no-such", "run", 1.0))
     loop.beat()
     assert len(page.said) == 2
     assert len(page.frames) == 1
@@ -172,8 +180,8 @@ def test_what_does_not_fit_is_said_and_changes_nothing(loop: Loop, page: Page) -
 
 def test_another_policy_performs_without_a_pause(loop: Loop, page: Page) -> None:
     loop.beat()
-    page.waiting.put(("choose", ("run", "run", 1.0)))
-    page.waiting.put(("choose", ("tracker", "walk", 1.1)))
+    page.waiting.put(Choose("run", "run", 1.0))
+    page.waiting.put(Choose("tracker", "walk", 1.1))
     for _ in range(6):
         loop.beat()
     assert page.said == []
@@ -182,7 +190,7 @@ def test_another_policy_performs_without_a_pause(loop: Loop, page: Page) -> None
 
 
 def test_ctrl_c_ends_the_recording(loop: Loop, page: Page, tmp_path: Path) -> None:
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
 
     def interrupted() -> None:
         raise KeyboardInterrupt
@@ -198,7 +206,7 @@ def test_ctrl_c_ends_the_recording(loop: Loop, page: Page, tmp_path: Path) -> No
 def test_a_recording_that_cannot_be_written_ends_and_the_page_goes_on(
     loop: Loop, page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     loop.beat()
     session = loop.session
     closed: list[bool] = []
@@ -208,7 +216,7 @@ def test_a_recording_that_cannot_be_written_ends_and_the_page_goes_on(
     loop.beat()
     assert "session-1 ends here: no space left" in page.said[-1]
     assert page.frames[-1].step == 2
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     loop.beat()
     assert "cannot record: no space left" in page.said[-1]
     assert (loop.recorder, loop.session) == (None, session)
@@ -225,7 +233,7 @@ def full_disk(*_: object) -> None:
 def test_a_session_is_closed_though_its_recording_cannot_be(
     loop: Loop, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     loop.beat()
     closed: list[bool] = []
     monkeypatch.setattr(loop.session, "close", lambda: closed.append(True))
@@ -238,7 +246,7 @@ def test_a_recording_begins_with_what_the_sliders_show(loop: Loop, page: Page) -
     for event in (Ground(0.5, 0.05), Carry("hand_left", 3.0), Ground(0.4, 0.02), Enter("thrown-ball", 2)):
         page.waiting.put(event)
     loop.beat()
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     loop.beat()
     lines = [json.loads(line) for line in (loop.recorded[0] / SESSION).read_text().splitlines()]
     shown = [(line["step"], line["input"]["type"]) for line in lines if "input" in line]
@@ -246,7 +254,7 @@ def test_a_recording_begins_with_what_the_sliders_show(loop: Loop, page: Page) -
     assert lines[2]["input"]["slope"] == 0.02
     assert page.frames[-1].loads[:, 2].min() == pytest.approx(-3.0 * 9.81)
     page.waiting.put(Enter())
-    page.waiting.put(("choose", ("run", "run", 1.0)))
+    page.waiting.put(Choose("run", "run", 1.0))
     loop.beat()
     assert page.frames[-1].step == 1
     assert page.frames[-1].tilt.any()
@@ -257,14 +265,14 @@ def test_a_recording_begins_with_what_the_sliders_show(loop: Loop, page: Page) -
 
 def test_a_paused_page_shows_what_was_done_and_else_rests(loop: Loop, page: Page) -> None:
     loop.beat()
-    page.waiting.put(("toggle", ()))
+    page.waiting.put(TogglePause())
     loop.beat()
     page.states.clear()
     for event, drawn in (
         (Restart(0.5), 2),
         (Drag("head", (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)), 2),
         (Throw("sphere", (0.24,) * 3, 1.0, (1.8, 0.0, 1.1)), 3),
-        (("look", ()), 4),
+        (Redraw(), 4),
     ):
         page.waiting.put(event)
         loop.beat()
@@ -287,7 +295,7 @@ def test_a_paused_page_does_not_end_and_slow_motion_takes_no_longer(
         nonlocal beats
         beats += 1
         if beats in {3, 20}:
-            page.waiting.put(("toggle", ()))
+            page.waiting.put(TogglePause())
 
     monkeypatch.setattr(loop._clock, "wait", waited)
     monkeypatch.setattr(loop.session, "close", lambda: None)
@@ -301,7 +309,7 @@ def test_a_paused_page_does_not_end_and_slow_motion_takes_no_longer(
 
 
 def test_a_speed_that_is_no_number_changes_nothing(loop: Loop, page: Page) -> None:
-    page.waiting.put(("speed", (0.5,)))
-    page.waiting.put(("speed", (float("nan"),)))
+    page.waiting.put(SetSpeed(0.5))
+    page.waiting.put(SetSpeed(float("nan")))
     loop.beat()
     assert loop._clock.speed == 0.5

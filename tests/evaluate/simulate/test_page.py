@@ -20,6 +20,7 @@ from kinemimic.evaluate.simulate.guard import HOST, free_port
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Push, Release
 from kinemimic.evaluate.simulate.page import Page
 from kinemimic.evaluate.simulate.recording import begin_session
+from kinemimic.evaluate.simulate.requests import Choose, Redraw
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario_file import scenario
 
@@ -105,7 +106,7 @@ def test_a_viewer_without_the_controls_changes_no_slider(panel: Panel) -> None:
 def test_a_checkbox_asks_for_a_picture(panel: Panel) -> None:
     panel.tell(HOLDER, "Camera follows", value=False)
     panel.tell(HOLDER, "Camera follows", value=True)
-    assert panel.waiting() == [("look", ())] * 2
+    assert panel.waiting() == [Redraw()] * 2
 
 
 def test_a_policy_of_one_motion_says_so_and_sets_the_list_back(panel: Panel) -> None:
@@ -118,7 +119,7 @@ def test_a_policy_of_one_motion_says_so_and_sets_the_list_back(panel: Panel) -> 
         panel.tell(HOLDER, "Policy", policy)
         panel.tell(HOLDER, "Motion", motion)
         panel.tell(HOLDER, "Change policy and motion")
-        assert panel.waiting() == [("choose", (policy, performed, 1.0))]
+        assert panel.waiting() == [Choose(policy, performed, 1.0)]
         assert panel.inputs()["Motion"].value == performed
         assert len(panel.said) == said
 

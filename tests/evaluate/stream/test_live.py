@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from samples.walker import standing, walker
 
 from kinemimic.evaluate.simulate.recording import SESSION, Replay
+from kinemimic.evaluate.simulate.requests import ToggleRecording
 from kinemimic.evaluate.stream.command import _words, command, prepare
 from kinemimic.evaluate.stream.live import stream
 from kinemimic.evaluate.stream.source import Faults
@@ -89,12 +90,12 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
 
 def test_a_recording_that_begins_and_ends_on_the_page_is_in_the_summary(run: Path) -> None:
     page = NoPage()
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
     options = {"engine": "pybullet" if _only_pybullet() else "native", "record": False, "seconds": 0.1}
     found = stream(Sender(WALK), run, page=page, **options)
     assert (Path(found["recording"]) / SESSION).is_file()
-    page.waiting.put(("record", ()))
-    page.waiting.put(("record", ()))
+    page.waiting.put(ToggleRecording())
+    page.waiting.put(ToggleRecording())
     later = stream(Sender(WALK), run, page=page, **options)
     assert later["recording"] not in (None, found["recording"])
     assert stream(Sender(WALK), run, **options)["recording"] is None
@@ -110,7 +111,7 @@ class Recorded(Sender):
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
         found = super().poll(elapsed)
         if self.ended and not self._pressed:
-            self._page.waiting.put(("record", ()))
+            self._page.waiting.put(ToggleRecording())
             self._pressed = True
         return found
 
