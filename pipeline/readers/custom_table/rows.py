@@ -27,6 +27,8 @@ Indices = NDArray[np.intp]
 MAX_COORDINATE = 1000.0
 # No angle is this large, in any unit.
 _MAX_ANGLE = 1e6
+# Larger than any clock, in any unit.
+_LARGEST_TIME = 2.0**63
 # Limits in seconds of the median time step; outside them, the unit of time is wrong.
 TIME_STEPS = (0.0002, 2.0)
 
@@ -201,9 +203,12 @@ class _Reader:
         if self.clock is None:
             return np.arange(len(first)) / (clock.rate or 1.0)
         times = self.clock[first]
-        if not np.isfinite(times).all():
-            row = int(first[np.flatnonzero(~np.isfinite(times))[0]])
-            self.cells.fail("time.column", expected="a time", found="none", line=self.cells.line(row))
+        wrong = ~(np.abs(times) < _LARGEST_TIME)  # NaN too
+        if wrong.any():
+            frame = int(np.argmax(wrong))
+            found = "none" if np.isnan(times[frame]) else f"{times[frame]:g}"
+            line = self.cells.line(int(first[frame]))
+            self.cells.fail("time.column", expected="a time", found=found, line=line)
         return times / (clock.rate or 1.0) if clock.counted else times * SECONDS.get(clock.unit, 1.0)
 
     def fill(

@@ -10,8 +10,8 @@ _ROTATION = r"rot(?:ation)?s?|euler|angle|(?<=[ _.\-:/])r"
 _QUATERNION = r"quat(?:ernion)?|orient(?:ation)?|(?<=[ _.\-:/])q"
 _POSITION = r"pos(?:ition)?|loc(?:ation)?|trans(?:lation)?|(?<=[ _.\-:/])[pt]"
 _KIND = rf"(?:(?P<rotation>{_ROTATION})|(?P<quaternion>{_QUATERNION})|(?P<position>{_POSITION}))"
-_UNIT = r"(?:[ _]*[\[(][^\])]*[\])])?"
-# Head_X, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW
+_UNIT = r"(?:[ _]*[\[(][^\])]*[\])]|[ _](?:mm|cm|m))?"
+# Head_X, left_knee_x_mm, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW
 _AXIS_LAST = re.compile(
     rf"(?P<joint>.*?[^ _.\-:/])[ _.\-:/]*(?:{_KIND}[ _.\-:/]*)?(?P<axis>[xyzw]){_UNIT}", re.IGNORECASE
 )

@@ -66,6 +66,7 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     "a column for each coordinate": lambda: table(["Time", *AXES], wide()),
     "glued names": lambda: table(["Time", *(name.replace("_", "") for name in AXES)], wide()),
     "millimetres": lambda: table(["t (s)", *AXES], wide(np.hstack([1000 * POINTS]))),
+    "units behind the names": lambda: table(["t_s", *(f"{name}_mm" for name in AXES)], wide(1000 * POINTS)),
     "no times": lambda: table(AXES, [row[1:] for row in wide()]),
     "decimal commas": lambda: table(["Zeit", *AXES], wide(), ";").replace(".", ","),
     "Z up": lambda: table(["Time", *AXES], wide(walk(FRAMES).joints)),
@@ -98,6 +99,8 @@ def angles(path: Path) -> dict[str, Array]:
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_the_same_body_from_every_layout(layout: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(LAYOUTS[layout]())
+    notes = recognise.read(tmp_path / "a.csv").provenance["reading"]["notes"]
+    assert ("named in" in notes[0]) == (layout not in ("no names", "numbered joints"))
     truth = leg_angles(walk(FRAMES).joints, times=TIMES)
     for name, found in angles(tmp_path / "a.csv").items():
         assert np.degrees(np.abs(found - truth[name])).max() < 0.1, name
@@ -211,6 +214,11 @@ def test_a_damaged_row_is_named(tmp_path: Path) -> None:
     rows[7][5] = "oops"
     (tmp_path / "a.csv").write_text(table(["Time", *AXES], rows))
     assert len(recognise.read(tmp_path / "a.csv").times) == FRAMES  # a mark of a missing value
+    rows = wide()
+    rows[9][0] = "1e300"
+    (tmp_path / "a.csv").write_text(table(["Time", *AXES], rows))
+    with pytest.raises(CaptureError, match=r"line 11: expected a time, found 1e\+300"):
+        recognise.read(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text(table(["Time", *AXES], [*wide()[:-1], wide()[-1][:9]]))
     with pytest.raises(CaptureError, match=f"line {FRAMES + 1}: expected 61 columns, found 9"):
         recognise.read(tmp_path / "a.csv")
