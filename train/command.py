@@ -130,42 +130,53 @@ def _train(
             )
     # A baseline's small products gain little from a second thread, and lose much where a core is busy:
     # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
-    torch.set_num_threads(min(count, local_cores()) if config.baseline is None else 1)
+    threads = min(count, local_cores())
+    torch.set_num_threads(threads if config.baseline is None else 1)
     algorithm = _algorithm(config, motion, engine, count)
     if settings.initial is not None:
         assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
         algorithm.begin_from(settings.initial)
     training = TrainingState(algorithm, reserved=settings.reserved)
-    saved = run / CHECKPOINT
-    advice = "delete it or train with --no-resume"
-    resumed = (
-        resume and saved.exists() and checkpoint.restore(saved, training, motion.identity, advice=advice)
-    )
-    state = training.algorithm.progress
-    if state.samples >= config.largest_budget + config.batch:
-        raise KinemimicError(
-            f"{saved}: expected at most the budget of {config.largest_budget} samples, found "
-            f"{state.samples}; train with --no-resume, or into another run folder"
-        )
-    if saved.exists() and not resumed:
-        saved.replace(run / PREVIOUS)
+    resumed = _resume(run, training, motion, resume=resume)
     seconds = None if minutes is None else 60.0 * minutes
     imitated = Imitated.of_motion(motion, config)
     policy = PolicyFile(run, training, imitated, engine, resumed=resumed)
     if not is_complete(training, seconds):
         with (
             _runner(algorithm, motion, engine, count, where, timer, imitated.phases) as runner,
-            _corrector(algorithm, motion, engine, min(count, local_cores())) as corrector,
+            _corrector(algorithm, motion, engine, threads) as corrector,
         ):
-            loop = TrainingLoop(training, runner, imitated, saved, timer, seconds, policy, corrector)
+            loop = TrainingLoop(
+                training, runner, imitated, run / CHECKPOINT, timer, seconds, policy, corrector
+            )
             loop.run(run / CURVES)
     if config.recovery is None:
         return policy.write(finished=True)
     best = training.best
     assert best is not None  # noqa: S101 (a training that is complete has an evaluation)
-    local = min(count, local_cores())
-    recovered = learn_recoveries(motion, best, config, run, workers=local, engine=engine)
+    recovered = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
     return policy.write(finished=True, recovered=recovered)
+
+
+def _resume(run: Path, training: TrainingState, motion: Motion, *, resume: bool) -> bool:
+    """Go on from the run's checkpoint if it fits and `resume` is set, else set it aside; whether it did.
+
+    KinemimicError for a checkpoint of more samples than the budget.
+    """
+    saved, config = run / CHECKPOINT, training.algorithm.config
+    advice = "delete it or train with --no-resume"
+    resumed = (
+        resume and saved.exists() and checkpoint.restore(saved, training, motion.identity, advice=advice)
+    )
+    samples = training.algorithm.progress.samples
+    if samples >= config.largest_budget + config.batch:
+        raise KinemimicError(
+            f"{saved}: expected at most the budget of {config.largest_budget} samples, found {samples}; "
+            "train with --no-resume, or into another run folder"
+        )
+    if saved.exists() and not resumed:
+        saved.replace(run / PREVIOUS)
+    return resumed
 
 
 @contextmanager
