@@ -94,7 +94,9 @@ def _detect_separator(lines: Sequence[str]) -> tuple[str, int]:
     best = ("space", 0, 0.0)
     for name in _SEPARATORS:
         counts = Counter(len(_split(line, name)) for line in lines)
-        width, often = max(counts.items(), key=lambda item: (item[1] * (item[0] > 2), item[0]))
+        width, often = max(
+            counts.items(), key=lambda item: (item[1] * (item[0] > 2), item[0]), default=(0, 0)
+        )
         share = often / max(len(lines), 1)
         if width > 2 and share > best[2] + 0.05:
             best = (name, width, share)
