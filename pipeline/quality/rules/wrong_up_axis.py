@@ -58,12 +58,16 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     if np.percentile(postures[:, 2], 90.0) > np.cos(MIN_TILT):
         return clip, []
     candidates = {axis: rotate(from_axis_angle(*turn), postures)[:, 2] for axis, turn in _TURNS.items()}
+    # Before a tilted sensor, too, whose horizontal a bending trunk comes nearer to.
+    upside_down = (
+        np.percentile(candidates["-Z"], 90.0) > np.cos(MIN_TILT) and np.median(candidates["-Z"]) > 0.5
+    )
     axis = max(candidates, key=lambda name: float(np.percentile(candidates[name], 90.0)))
+    axis = "-Z" if upside_down else axis
     best = float(np.degrees(np.arccos(np.clip(np.percentile(candidates[axis], 90.0), -1.0, 1.0))))
     found = f"at its most upright the body stands along the {axis} axis (within {best:.0f} deg), not +Z"
-    # No tilt of a sensor shows somebody upside down; lying on the side is a matter of thirty degrees.
-    largest = MIN_TILT if axis == "-Z" else MAX_AXIS_ERROR
-    clear = best < np.degrees(largest) and np.mean(candidates[axis] > np.cos(MIN_TILT)) > 0.5
+    clear = best < np.degrees(MAX_AXIS_ERROR) and np.mean(candidates[axis] > np.cos(MIN_TILT)) > 0.5
+    clear |= upside_down
     frames = int(straight.sum())
     if not clear:
         text = f"the body never stands along +Z; nearest is {axis}, off by {best:.0f} deg; left as recorded"

@@ -46,10 +46,14 @@ def test_a_wrong_up_axis_is_turned_up(moving: Moving, axis: str, halves: float) 
     assert mirrored_body.repair(repaired)[1] == []
 
 
+@pytest.mark.parametrize("bend", [0.0, 30.0, -30.0])
 @pytest.mark.parametrize("tilt", [0.0, 20.0, 45.0])
-def test_upside_down_before_a_tilted_sensor(moving: Moving, tilt: float) -> None:
-    """As of a camera that looks down, whose Y points down."""
+def test_upside_down_before_a_tilted_sensor(moving: Moving, tilt: float, bend: float) -> None:
+    """As of a camera that looks down, whose Y points down; a bending trunk may be level in its axes."""
     clip = moving(90, noise=0.005)
+    upper = [N[name] for name in ("spine", "shoulder_center", "head", "shoulder_left", "shoulder_right")]
+    hips, turn = clip.positions[:30, [N["hip_center"]]], from_axis_angle("Y", np.radians(bend))
+    clip.positions[:30, upper] = hips + rotate(turn, clip.positions[:30, upper] - hips)
     wrong = wrong_up_axis.rotated_clip(clip, from_axis_angle("X", np.pi))
     wrong = wrong_up_axis.rotated_clip(wrong, from_axis_angle("Y", np.radians(tilt)))
     repaired, (found,) = wrong_up_axis.repair(wrong)
