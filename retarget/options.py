@@ -47,7 +47,7 @@ retarget_options = option_group(
         "--balance/--no-balance",
         default=None,
         help="Displace the root of a walk from a depth sensor or a video to bring its zero-moment point "
-        "nearer to the soles, or turn a body that stands over the middle of its feet. Running is never "
-        "changed. Default: only for a tracker.",
+        "nearer to the soles, or turn and displace a body on the spot to bring it over the middle of its "
+        "feet. Running is never changed. Default: only for a tracker.",
     ),
 )
