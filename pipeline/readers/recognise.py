@@ -62,8 +62,8 @@ _MODULES: tuple[str, ...] = (
     "public_datasets.khokhlova",
     "public_datasets.labanotation",
     "public_datasets.kimore",
-    "custom_table.joint_json",
-    "custom_table.joint_table",
+    "joint_tables.joint_json",
+    "joint_tables.joint_table",
 )
 _SEPARATORS = re.compile(r"[,;]+")
 

@@ -22,17 +22,17 @@ from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.custom_table.body_rows import from_first_body, of_one_person
-from kinemimic.pipeline.readers.custom_table.cells_apart import with_cells_apart
 from kinemimic.pipeline.readers.custom_table.custom_table import clip_of
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.description_file import parse
 from kinemimic.pipeline.readers.custom_table.rows import rows_of
-from kinemimic.pipeline.readers.custom_table.stacked_header import with_one_header
 from kinemimic.pipeline.readers.custom_table.suggest import draft
 from kinemimic.pipeline.readers.custom_table.suggest_layout import Layout, layout_of
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_of
 from kinemimic.pipeline.readers.custom_table.tree import tree_of
+from kinemimic.pipeline.readers.joint_tables.body_rows import from_first_body, of_one_person
+from kinemimic.pipeline.readers.joint_tables.cells_apart import with_cells_apart
+from kinemimic.pipeline.readers.joint_tables.stacked_header import with_one_header
 from kinemimic.pipeline.readers.landmarks.video_clock import RATE, Rate
 
 FORMAT = Format(

@@ -18,8 +18,8 @@ from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import parse_json
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.custom_table import joint_table
 from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
+from kinemimic.pipeline.readers.joint_tables import joint_table
 from kinemimic.pipeline.readers.landmarks.mediapipe_frames import one_document
 from kinemimic.pipeline.readers.landmarks.mediapipe_json import rate_beside_frames
 from kinemimic.pipeline.readers.landmarks.one_person import is_person
