@@ -37,13 +37,15 @@ class _Rule:
     """A rule of the gate.
 
     value: from a report, None if the rule does not apply; warn, refuse: kind of motion -> (minimum, maximum),
-    infinite without a limit; message: a format string of `value` and the broken `limit`.
+    infinite without a limit; digits: of the value after the point; message: a format string of `value` and
+    the broken `limit`.
     """
 
     name: str
     value: Callable[[Report], float | None]
     warn: Mapping[str, tuple[float, float]]
     refuse: Mapping[str, tuple[float, float]]
+    digits: int
     message: str
 
 
@@ -102,29 +104,29 @@ def _speed_error(report: Report) -> float | None:
 # from a ground that the standing sole itself meets to some millimetres.
 RULES: tuple[_Rule, ...] = (
     _Rule("penetration", _measure("penetration_m", 1e3), _all_kinds(most=10), _all_kinds(most=25),
-          "the soles penetrate the ground by {value:.0f} mm (limit {limit:.0f})"),
+          0, "the soles penetrate the ground by {value} mm (limit {limit:.0f})"),
     _Rule("floating", _measure("floating_m", 1e3), _all_kinds(most=15), _all_kinds(most=25),
-          "the standing foot floats by {value:.0f} mm (limit {limit:.0f})"),
+          0, "the standing foot floats by {value} mm (limit {limit:.0f})"),
     _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _INF)}, {"walk": (-5, _INF)},
-          "a swinging foot clears the ground by {value:.1f} mm (limit {limit:.0f})"),
+          1, "a swinging foot clears the ground by {value} mm (limit {limit:.0f})"),
     _Rule("slip", _ground("slip_m_s", 1.0), _gaits(most=0.05), _gaits(most=0.15),
-          "the planted foot slips at {value:.2f} m/s (limit {limit:.2f})"),
+          2, "the planted foot slips at {value} m/s (limit {limit:.2f})"),
     _Rule("knee", _knee_peak(min), {"walk": (45, _INF), "run": (60, _INF)},
-          {"walk": (35, 110), "run": (45, 155)}, "peak knee flexion of {value:.0f}° (limit {limit:.0f}°)"),
+          {"walk": (35, 110), "run": (45, 155)}, 0, "peak knee flexion of {value}° (limit {limit:.0f}°)"),
     # One knee may bend far, as in a step over something.
     _Rule("knee", _knee_peak(max), {"walk": (-_INF, 85), "run": (-_INF, 140)}, {},
-          "peak flexion of a knee of {value:.0f}° (limit {limit:.0f}°)"),
+          0, "peak flexion of a knee of {value}° (limit {limit:.0f}°)"),
     _Rule("cadence", lambda report: report.get("cadence_steps_per_min"),
           {"walk": (80, 130), "run": (130, 200)}, {"walk": (50, 160), "run": (100, 240)},
-          "cadence {value:.0f} steps/min (limit {limit:.0f})"),
+          0, "cadence {value} steps/min (limit {limit:.0f})"),
     _Rule("fit", _hip_fit, _gaits(least=0.7), _gaits(least=0.4),
-          "the hip curves of the strides agree only to R² {value:.2f} (limit {limit:.1f})"),
+          2, "the hip curves of the strides agree only to R² {value} (limit {limit:.1f})"),
     _Rule("speed", _speed_error, _gaits(most=5), _gaits(most=30),
-          "the body's speed is {value:.0f} % off the capture's, scaled by the legs (limit {limit:.0f})"),
+          0, "the body's speed is {value} % off the capture's, scaled by the legs (limit {limit:.0f})"),
     _Rule("strides", lambda report: report.get("strides_used"), _gaits(least=2.0), {},
-          "only {value:.1f} strides (limit {limit:.0f}): too few to average out the noise of one"),
+          1, "only {value} strides (limit {limit:.0f}): too few to average out the noise of one"),
     _Rule("limits", _beyond, _all_kinds(most=0.5), _all_kinds(most=15),
-          "a joint exceeds its range of motion by {value:.0f}° (limit {limit:.1f}°)"),
+          0, "a joint exceeds its range of motion by {value}° (limit {limit:.1f}°)"),
 )  # fmt: skip
 
 
@@ -147,8 +149,15 @@ def _findings(rule: _Rule, report: Report) -> Iterator[Finding]:
         if least <= value <= most:
             continue
         limit = least if value < least else most
-        yield Finding(rule.name, severity, value, limit, rule.message.format(value=value, limit=limit))
+        message = rule.message.format(value=_apart(value, limit, rule.digits), limit=limit)
+        yield Finding(rule.name, severity, value, limit, message)
         return
+
+
+def _apart(value: float, limit: float, digits: int) -> str:
+    """A value beyond a limit, with as many more digits as it takes not to read like the limit itself."""
+    texts = (f"{value:.{digits + more}f}" for more in range(4))
+    return next((text for text in texts if float(text) != limit), f"{value:g}")
 
 
 def require_trainable(run: Path, motion: Motion, *, anyway: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 
@@ -36,7 +37,7 @@ def table(report: dict[str, Any]) -> list[str]:
                 f"  {report['strides_used']:.1f} strides in {report['duration_s']:.1f} s, "
                 f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
             )
-    lines += [*_balance(report.get("balance")), *_measures(report["closed_form"], report["measures"])]
+    lines += [*_balance(report), *_measures(report["closed_form"], report["measures"])]
     for name, (low, high) in report["range_deg"].items():
         lines.append(
             f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
@@ -59,13 +60,19 @@ def sides(report: dict[str, Any]) -> str:
     return f"{text}, {'less' if differ < limit else 'more'} than the {limit:.1f}° that noise explains"
 
 
-def _balance(found: dict[str, float] | None) -> list[str]:
+def off_the_soles(report: Mapping[str, Any]) -> str:
+    """What the distances of `balance` are measured from."""
+    return "off the soles" if report["cyclic"] else "off the middle of the soles"
+
+
+def _balance(report: dict[str, Any]) -> list[str]:
     """What the displacement of the root did."""
+    found = report.get("balance")
     if found is None:
         return []
     before, after, most = (1e3 * found[name] for name in ("outside_before_m", "outside_m", "displacement_m"))
     return [
-        f"  balance    zero-moment point {before:.0f} → {after:.0f} mm off the soles, "
+        f"  balance    zero-moment point {before:.0f} → {after:.0f} mm {off_the_soles(report)}, "
         f"root displaced by up to {most:.0f} mm"
     ]
 

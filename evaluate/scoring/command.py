@@ -26,6 +26,7 @@ from kinemimic.evaluate.scoring.reports.report import (
     ReportData,
     ReportInputs,
     adjusted,
+    made_from,
     report,
 )
 from kinemimic.pipeline.cli.html import number
@@ -167,12 +168,12 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         of = scores["fit_capture"]
         for part, what in (
             (of, "the motion's frames as read"),
-            (of["all_frames"], "all frames of its walks as read"),
+            (of["all_frames"], f"all frames of its {made_from(scores)} as read"),
             (of["adjusted"], "the motion's frames, pelvis and knees adjusted"),
         ):
             r2 = [number(part["phases"][joint]["r2_upright"]["median"], 3) for joint in SCORED_JOINTS]
             below.append(f"R², upright, against {what} ({part['frames']:,}): {r2[0]} knee, {r2[1]} hip")
-        below += adjusted(scores["capture"]["adjustments"])
+        below += adjusted(scores)
     if scores["truth"] is not None:
         below += [
             f"RMSE from the true motion, {joint}: "

@@ -65,6 +65,7 @@ GAIT: dict[str, Any] = {
     "period_s": 1.2,
     "strides_used": 7.3,
     "range_deg": {f"{joint}_{side}": [1.0, 60.0] for joint in ("knee", "hip") for side in ("left", "right")},
+    "balance": {"outside_before_m": 0.172, "outside_m": 0.049, "displacement_m": 0.036},
     "warnings": ["short"],
 }
 

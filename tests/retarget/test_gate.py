@@ -67,6 +67,9 @@ FINDINGS = [
     ({"ground__swing_clearance_m": -0.008}, "clearance", "refuse", "by -8.0 mm (limit -5)"),
     ({"ground__slip_m_s": 0.1}, "slip", "warn", "0.10 m/s (limit 0.05)"),
     ({"ground__slip_m_s": 0.2}, "slip", "refuse", "0.20 m/s (limit 0.15)"),
+    # A value that would read like the limit that it exceeds has more digits.
+    ({"ground__slip_m_s": 0.0507}, "slip", "warn", "0.051 m/s (limit 0.05)"),
+    ({"strides_used": 1.96}, "strides", "warn", "1.96 strides (limit 2)"),
     ({"range_deg__knee_right": [0.0, 40.0]}, "knee", "warn", "flexion of 40° (limit 45°)"),
     ({"range_deg__knee_right": [0.0, 30.0]}, "knee", "refuse", "flexion of 30° (limit 35°)"),
     ({"range_deg__knee_left": [0.0, 130.0]}, "knee", "warn", "flexion of a knee of 130° (limit 85°)"),

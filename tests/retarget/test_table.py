@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kinemimic.retarget.table import sides
+from kinemimic.retarget.table import off_the_soles, sides
 
 
 @pytest.mark.parametrize(
@@ -18,3 +18,8 @@ from kinemimic.retarget.table import sides
 def test_sides(averaged: bool, differ: float, limit: float, text: str) -> None:
     report = {"symmetric": averaged, "asymmetry_deg": differ, "noise_deg": 0.6, "asymmetry_limit_deg": limit}
     assert sides(report) == f"  sides      {text}"
+
+
+def test_balance_is_about_the_middle_of_the_soles_on_the_spot() -> None:
+    assert off_the_soles({"cyclic": True}) == "off the soles"
+    assert off_the_soles({"cyclic": False}) == "off the middle of the soles"

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from kinemimic.pipeline.cli.html import number
+from kinemimic.retarget.table import off_the_soles
 
 Json = Mapping[str, Any]
 _SHOWN_FRAMES = 3
@@ -89,7 +90,23 @@ def _gait_rows(gait: Json) -> list[list[str]]:
         [label, number(gait[key], digits), unit]
         for key, label, unit, digits in _GAIT
         if gait.get(key) is not None
-    ] + ranges
+    ] + [*_balance_rows(gait), *ranges]
+
+
+def _balance_rows(gait: Json) -> list[list[str]]:
+    """How far the motion was displaced for its balance, which the scores do not count as an error."""
+    found = gait.get("balance")
+    if found is None:
+        return []
+    before, after, most = (1e3 * found[name] for name in ("outside_before_m", "outside_m", "displacement_m"))
+    return [
+        [
+            f"balanced: zero-moment point {off_the_soles(gait)}",
+            f"{number(before, 0)} → {number(after, 0)}",
+            "mm",
+        ],
+        ["balanced: root displaced by up to", number(most, 0), "mm"],
+    ]
 
 
 def _reliability(gait: Json) -> str:

@@ -113,7 +113,7 @@ def report(inputs: ReportInputs, data: ReportData) -> str:
         alone=data.scores["no_policy"]["survival"],
         motion=data.motion,
         capture=data.capture,
-        adjusted=adjusted(found) if (found := data.scores["capture"].get("adjustments")) else [],
+        adjusted=adjusted(data.scores),
         rate=CONTROL_RATE,
         verdict_level=LEVELS[found_verdict.level],
         headline=found_verdict.headline,
@@ -139,12 +139,20 @@ def _strides(subjects: Mapping[str, Any]) -> str:
     return f"all strides (the humanoid's: {left} left, {right} right)"
 
 
-def adjusted(numbers: Mapping[str, Any]) -> list[str]:
+def made_from(scores: Mapping[str, Any]) -> str:
+    """What the motion of scores.json was made from: walks, runs, or a pass as recorded."""
+    return {"walk": "walks", "run": "runs"}.get(scores["motion"]["kind"], "pass")
+
+
+def adjusted(scores: Mapping[str, Any]) -> list[str]:
     """Sentences about the adjustments of scores.json: what was done to the capture."""
-    said = [
-        "{used:,} of the {frames:,} frames of its passes are in the motion; "
-        "{outside:,} are outside of the walks that it was made from".format(**numbers)
-    ]
+    numbers = scores["capture"].get("adjustments")
+    if not numbers:
+        return []
+    outside = ""
+    if numbers["outside"]:
+        outside = f"; {numbers['outside']:,} are outside of the {made_from(scores)} that it was made from"
+    said = ["{used:,} of the {frames:,} frames of its passes are in the motion".format(**numbers) + outside]
     if numbers["pelvis_neutral"]:
         said.append(
             "the pelvis was replaced by a neutral one in {pelvis_neutral:,} of them".format(**numbers)

@@ -25,13 +25,15 @@ def detect(clip: Clip) -> list[Defect]:
     never_seen = [clip.skeleton.names[joint] for joint in np.flatnonzero(never)] if inside.any() else []
     if not missing_count and not never_seen:
         return []
-    count, filled, longest = _gaps(clip, missing)
+    count, filled, ends, longest = _gaps(clip, missing)
     parts = []
     if missing_count:
         parts.append(
             f"{plural(missing_count, 'joint position')} missing in {plural(count, 'gap')} inside passes, the "
             f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, "
             f"{count - filled} will stay"
+            # Even of one frame: nothing is known on the other side.
+            + (f" ({ends} at the start or end of a pass)" if ends else "")
         )
     if never_seen:
         parts.append(f"never seen: {', '.join(never_seen)}")
@@ -48,8 +50,8 @@ def detect(clip: Clip) -> list[Defect]:
     ]
 
 
-def _gaps(clip: Clip, missing: np.typing.NDArray[np.bool_]) -> tuple[int, int, float]:
-    """Number of gaps, number of gaps that `fill` will fill, and the longest in seconds."""
+def _gaps(clip: Clip, missing: np.typing.NDArray[np.bool_]) -> tuple[int, int, int, float]:
+    """Numbers of gaps, of those to be filled, and of those at an end of a pass; the longest, s."""
     step = float(np.median(np.diff(clip.times)))
     # A gap ends with its pass: an inserted row between passes separates gaps in adjacent passes.
     starts = np.flatnonzero(np.diff(clip.passes)) + 1
@@ -65,4 +67,4 @@ def _gaps(clip: Clip, missing: np.typing.NDArray[np.bool_]) -> tuple[int, int, f
     across = clip.times[after] - clip.times[before]
     filled = bounded & (across <= LONGEST_GAP + step + 1e-6)
     longest = float((clip.times[last] - clip.times[first] + step).max()) if len(first) else 0.0
-    return len(first), int(filled.sum()), longest
+    return len(first), int(filled.sum()), int((~bounded).sum()), longest

@@ -10,7 +10,7 @@ from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
 from kinemimic.evaluate.scoring.metrics.scores import compose
 from kinemimic.evaluate.scoring.metrics.verdict import verdict
 from kinemimic.evaluate.scoring.reports.figures import curves
-from kinemimic.evaluate.scoring.reports.report import ReportData, ReportInputs, report
+from kinemimic.evaluate.scoring.reports.report import ReportData, ReportInputs, adjusted, report
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import inline_svg
 from kinemimic.pipeline.kinematics.angles import ANGLES
@@ -117,6 +117,7 @@ def test_sections_depend_on_files(page: str, full: str) -> None:
     assert "ankle left" in text and "90.0" in text and "a <note>" in text
     assert "60.0" in text and "short" in text
     assert re.search(r"strides pooled\s+7\.3", text)
+    assert re.search(r"zero-moment point off the soles\s+172 → 49 mm .* displaced by up to 36 mm", text)
 
 
 def test_a_real_capture_has_no_banner(full: str) -> None:
@@ -163,6 +164,26 @@ def test_a_fall_leaves_no_number_of_the_lying_figure_on_the_first_screen(tmp_pat
 def test_curves_are_grey_after_a_fall(performance, fall, grey):
     drawn = inline_svg(curves(performance(fall=fall), performance(fall=30), 500), False, "")
     assert ("var(--ghost)" in drawn) == ("var(--fallen)" in drawn) == grey
+
+
+@pytest.mark.parametrize(
+    ("kind", "outside", "says"),
+    [
+        (
+            "walk",
+            3,
+            "90 of the 100 frames of its passes are in the motion; 3 are outside of the walks that it was",
+        ),
+        ("run", 3, "outside of the runs that it was made from"),
+        ("motion", 3, "outside of the pass that it was made from"),
+        ("motion", 0, "are in the motion"),
+    ],
+)
+def test_frames_outside_are_of_what_the_motion_was_made_from(kind, outside, says):
+    numbers = dict.fromkeys(("pelvis_neutral", "hips_adjusted", "knees_adjusted"), 0) | {"strides_used": None}
+    numbers |= {"used": 90, "frames": 100, "outside": outside}
+    (said,) = adjusted({"motion": {"kind": kind}, "capture": {"adjustments": numbers}})
+    assert says in said and ("outside" in said) == bool(outside)
 
 
 def test_numbers():
