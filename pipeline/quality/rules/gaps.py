@@ -27,13 +27,13 @@ def detect(clip: Clip) -> list[Defect]:
         return []
     count, filled, ends, longest = _gaps(clip, missing)
     parts = []
+    # There, even a gap of one frame stays: nothing is known beyond it.
+    at_ends = f" ({ends} at the start or end of a pass)" if ends else ""
     if missing_count:
         parts.append(
             f"{plural(missing_count, 'joint position')} missing in {plural(count, 'gap')} inside passes, the "
             f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, "
-            f"{count - filled} will stay"
-            # Even of one frame: nothing is known on the other side.
-            + (f" ({ends} at the start or end of a pass)" if ends else "")
+            f"{count - filled} will stay{at_ends}"
         )
     if never_seen:
         parts.append(f"never seen: {', '.join(never_seen)}")
