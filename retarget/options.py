@@ -41,7 +41,7 @@ retarget_options = option_group(
         "--segment",
         metavar="NAME|START-END",
         help="Segment of the capture: a name that `inspect` lists, or a time range in seconds, such as "
-        "3.5-12. Default: the longest usable walk.",
+        "3.5-12. Default: all usable walks like the longest; without a walk, the longest pass.",
     ),
     click.option(
         "--balance/--no-balance",

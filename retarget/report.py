@@ -31,6 +31,8 @@ from kinemimic.retarget.strides.climb import Climb, climb_of
 from kinemimic.retarget.strides.excerpt import Excerpt
 from kinemimic.retarget.strides.selection import Selection, why_strides_are_left_out
 
+HELD_FEET = 0.04  # m by which the nodes may come away from the recording when the feet are held
+
 
 def cyclic_report(
     clip: Clip,
@@ -219,7 +221,20 @@ def noncyclic_report(
             f"the recorded body leans in standing by {np.degrees(fit.lean):.0f}° more than it could without "
             "falling: it was turned upright by this angle"
         )
-    return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
+    warnings += [*held_feet_warnings(report), *filter(None, [low_rate_note(clip.rate)])]
+    return _with_findings(report, warnings)
+
+
+def held_feet_warnings(report: Mapping[str, Any]) -> list[str]:
+    """What it costs to hold the feet where they stand, from the gait.json of an excerpt as recorded."""
+    before, after = (report[part]["node_error_m"] for part in ("closed_form", "measures"))
+    if before is None or after is None or after - before < HELD_FEET:
+        return []
+    return [
+        f"with its feet held where they stand, the motion is {1e3 * after:.0f} mm from the recording on "
+        f"average, without {1e3 * before:.0f} mm: feet that slide or step are taken to stand; compare both "
+        "in `kinemimic view`"
+    ]
 
 
 def _speed_ahead(motion: Motion, times: Array, yaw: Array, bout: Bout) -> float:

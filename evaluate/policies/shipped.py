@@ -107,7 +107,8 @@ class ShippedPolicies:
         if found := unsuitable(motion, report):
             raise KinemimicError(
                 f"{run / MOTION}: expected a motion on its feet and on level ground, all that {name} has "
-                f"learned, found {found}; train a policy for this motion with `kinemimic train`"
+                f"learned, found {found}; take another part of the capture with --segment, or train a policy "
+                "for this motion with `kinemimic train`"
             )
         if name in self.trackers():
             name = self._learned(name, motion, report, run)

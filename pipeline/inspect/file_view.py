@@ -93,7 +93,8 @@ def _range(report: Report, joint: str) -> str:
         f"{side} {number(one['low_deg'], 0)} to {number(one['high_deg'], 0)}°"
         for side, one in report["angles"][joint].items()
     ]
-    peak = report["angles"]["knee_peak_deg"] if joint == "knee" else None
+    # Only in strides, both knees have the same peak.
+    peak = report["angles"]["knee_peak_deg"] if joint == "knee" and report["gait"] else None
     by = report["angles"]["knee_peak_side"]
     which = "mean of both sides" if by == "both" else f"{by} side, better tracked"
     return ", ".join(sides) + ("" if peak is None else f"; peak {peak:.0f}° ({which})")

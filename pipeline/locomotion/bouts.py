@@ -7,6 +7,7 @@ path over the ground. A bad stride is left out; it does not spoil the bout.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,9 +104,22 @@ def find_bouts(times: Array, passes: NDArray[np.int32], positions: Array, *, toe
 
 def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: bool, toes: bool) -> list[Bout]:
     """The bouts of one pass, with indices into its frames: times (T,), positions (T, 20, 3)."""
+    spans = spans_of_pass(times, positions, bones, precise=precise, toes=toes)
+    return [_bout(times, positions, span) for span in spans if _is_bout(span)]
+
+
+def spans_of_pass(
+    times: Array, positions: Array, bones: Array, *, precise: bool, toes: bool
+) -> Iterator[Span]:
+    """The runs of consecutive strides of one pass, bouts or not: times (T,), positions (T, 20, 3).
+
+    One whose parts alone agree with the path has the path "neither", and its parts follow.
+
+    bones: median lengths of the legs' bones, of `leg_bones`; precise, toes: as for `find_bouts`.
+    """
     gait = gait_of_pass(times, positions)
     if gait is None:
-        return []
+        return
     gait, strides = without_standing(gait, precise=precise)
     # An optical laboratory is level; a sensor may tilt.
     up = np.tile([0.0, 0.0, 1.0], (len(gait.phase), 1))
@@ -114,20 +128,19 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     level = rotate(levelling(up)[:, None], gait.even.positions)
     angles, bad = _legs(gait, level, bones, precise=precise)
     strides = judge_strides(strides, gait.phase, angles, bad, compare=not precise)
-    out = []
     groups, ended = consecutive_strides(strides, gait.heading, gait.phase), -np.inf
     while groups:
         group = groups.pop(0)
         between = (ended, groups[0][0].start if groups else np.inf)
         span = span_of(gait, up, level, group, between=between, precise=precise, toes=toes)
         parts = None if span is None else agreeing_parts(span)
-        if parts is not None:
+        if span is not None and parts is not None:
+            yield replace(span, path=replace(span.path, source="neither"))
             groups = parts + groups
             continue
         ended = group[-1].end
-        if span is not None and _is_bout(span):
-            out.append(_bout(times, positions, span))
-    return out
+        if span is not None:
+            yield span
 
 
 def _legs(gait: PassGait, level: Array, bones: Array, *, precise: bool) -> tuple[Array, Mask]:

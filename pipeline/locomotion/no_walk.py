@@ -8,14 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.body_points import place
-from kinemimic.pipeline.kinematics.spans import runs
-from kinemimic.pipeline.locomotion.even_clock import RATE
-from kinemimic.pipeline.locomotion.leg_pose import is_precise
+from kinemimic.pipeline.locomotion.bouts import spans_of_pass
+from kinemimic.pipeline.locomotion.leg_pose import is_precise, leg_bones
 from kinemimic.pipeline.locomotion.pass_gait import gait_of_pass
-from kinemimic.pipeline.locomotion.path.ground_path import choose_path, disagreements
-from kinemimic.pipeline.locomotion.path.odometry import foot_odometry
-from kinemimic.pipeline.locomotion.phase.frames import frames_between
 from kinemimic.pipeline.locomotion.walk_rule import MIN_STRIDES
 
 OTHER_PATH = "the body's path does not match its steps"
@@ -27,11 +22,15 @@ def why_no_walk(times: Array, passes: NDArray[np.int32], positions: Array, *, to
 
     "" if it has fewer than a bout needs. Arguments as for `find_bouts`.
     """
+    lengths = leg_bones(positions)
+    if not np.isfinite(lengths).any(axis=0).all():
+        return ""
+    bones = np.nanmedian(lengths, axis=0)
     precise = is_precise(positions)
     cycles: defaultdict[str, float] = defaultdict(float)
     for number in np.unique(passes[passes >= 0]).tolist():
         frames = passes == number
-        for reason, count in _reasons(times[frames], positions[frames], precise=precise, toes=toes):
+        for reason, count in _reasons(times[frames], positions[frames], bones, precise=precise, toes=toes):
             cycles[reason] += count
     if not cycles:
         return ""
@@ -40,25 +39,17 @@ def why_no_walk(times: Array, passes: NDArray[np.int32], positions: Array, *, to
     return f"{count:.1f} strides, but no walk: {reason}" if count >= MIN_STRIDES else ""
 
 
-def _reasons(times: Array, positions: Array, *, precise: bool, toes: bool) -> list[tuple[str, float]]:
+def _reasons(
+    times: Array, positions: Array, bones: Array, *, precise: bool, toes: bool
+) -> list[tuple[str, float]]:
     """Reasons and numbers of the regular strides of one pass: times (T,), positions (T, 20, 3)."""
     gait = gait_of_pass(times, positions)
     if gait is None:
         return []
-    strides = gait.strides(precise=precise)
-    found = [(stride.why, stride.cycles) for stride in strides if stride.why]
-    root = place(gait.even.positions, "hips")
-    for part in runs(np.array([stride.walking for stride in strides], dtype=np.bool_)):
-        mine = strides[part]
-        if mine[-1].end - mine[0].start < MIN_STRIDES:
-            continue
-        inside = frames_between(gait.phase, mine[0].start, mine[-1].end)
-        positions, phase = gait.even.positions[inside], gait.phase[inside]
-        feet = foot_odometry(positions, gait.heading[inside], phase, RATE, toes=precise and toes)
-        edges = np.array([(stride.start, stride.end) for stride in mine])
-        apart = disagreements(root[inside], feet, phase, edges, RATE)
-        source = choose_path(root[inside], feet, apart, RATE, precise=precise).source
-        if source == "neither" or (source == "feet" and precise and feet.backward):
-            why = OTHER_PATH if source == "neither" else BACKWARD_IN_PLACE
-            found.append((why, sum(stride.cycles for stride in mine)))
+    found = [(stride.why, stride.cycles) for stride in gait.strides(precise=precise) if stride.why]
+    for span in spans_of_pass(times, positions, bones, precise=precise, toes=toes):
+        cycles = sum(stride.cycles for stride in span.strides)
+        source = span.path.source
+        if source == "neither" or (source == "feet" and precise and span.feet.backward):
+            found.append((OTHER_PATH if source == "neither" else BACKWARD_IN_PLACE, cycles))
     return found

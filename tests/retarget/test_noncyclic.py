@@ -19,6 +19,7 @@ from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.report import held_feet_warnings
 from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 
 
@@ -154,3 +155,11 @@ def test_feet_that_land_and_leave_do_not_jerk_the_root(name):
 
     plain = stock(name).motion
     assert largest_jerk(refine(plain)) < largest_jerk(plain)
+
+
+@pytest.mark.parametrize(("after", "warns"), [(0.082, True), (0.03, False), (None, False)])
+def test_feet_held_far_from_the_recording_are_a_warning(after: float | None, warns: bool) -> None:
+    report = {"closed_form": {"node_error_m": 0.017}, "measures": {"node_error_m": after}}
+    found = held_feet_warnings(report)
+    assert bool(found) == warns
+    assert not warns or ("is 82 mm from the recording" in found[0] and "without 17 mm" in found[0])

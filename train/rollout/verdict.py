@@ -22,10 +22,11 @@ Level = Literal["good", "fair", "poor", "falls"]
 
 # A policy that falls from a larger share of its phases "falls"; from fewer, it is "fair".
 FEW_FALLS = 0.25
-# Below these it survives without imitating. R² says nothing about a joint that hardly moves, so a curve is
-# only wrong if it is also this far off.
+# Below this it survives without imitating. R² says nothing about a joint that hardly moves, so a curve is
+# only wrong if it is also 2° off, and only follows badly from 5°: within the first, gait laboratories repeat
+# their measurements; beyond the second, they mislead (McGinley et al. 2009, Gait & Posture 29, 360-369).
 POOR_R2 = 0.5
-SMALL_ERROR_DEG = 2.0
+SMALL_ERROR_DEG, LARGE_ERROR_DEG = 2.0, 5.0
 # Deviations of the speed from the reference's, as shares of it, beyond which a policy is fair or poor.
 FAIR_SPEED, POOR_SPEED = 0.1, 0.5
 # Distance from the reference at the end: fair beyond this share of the reference's path, and beyond metres.
@@ -59,7 +60,7 @@ class Outcome:
     fits: joint -> R² without credit after a fall, and RMSE in degrees; speed_ratio: speed relative to the
     reference's; path_error_m: distance from the reference at the end. All of them medians over the phases;
     None: undefined or not measured. path_m: length of the reference's path.
-    findings: flaws of the motion itself.
+    findings: flaws of the motion itself; refused: whether `train` refuses it for them.
     """
 
     frames: int
@@ -74,6 +75,7 @@ class Outcome:
     path_error_m: float | None = None
     path_m: float | None = None
     findings: tuple[str, ...] = ()
+    refused: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,10 @@ def _errors(outcome: Outcome) -> Iterator[_Error]:
     for joint, (r2, rmse) in outcome.fits.items():
         if r2 is not None and r2 < WALKING_R2 and (rmse is None or rmse >= SMALL_ERROR_DEG):
             off = "" if rmse is None else f", {rmse:.1f}° off"
-            yield _Error(f"the {joint}s follow badly (R² {r2:.2f}{off})", r2 < POOR_R2, f"the {joint} curves")
+            large = rmse is None or rmse >= LARGE_ERROR_DEG
+            how = "badly" if large else "loosely"
+            what = f"the {joint}s follow {how} (R² {r2:.2f}{off})"
+            yield _Error(what, large and r2 < POOR_R2, f"the {joint} curves")
     ratio = outcome.speed_ratio
     if ratio is not None and abs(ratio - 1.0) > FAIR_SPEED:
         what = f"at {100 * ratio:.0f} % of the reference's speed"
@@ -185,6 +190,12 @@ def _advice(
                 f"Watch it: `kinemimic view{where}`. Measure how hard a push it survives: "
                 f"`kinemimic pushes{where}`."
             )
+        return
+    if outcome.refused:
+        yield (
+            "`kinemimic train` refuses such a motion: take another part of the capture "
+            f"(`kinemimic retarget{where} --segment`)."
+        )
         return
     if not training.finished:
         return

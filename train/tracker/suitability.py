@@ -53,17 +53,22 @@ def unsuitable(motion: Motion, report: Mapping[str, Any] | None = None) -> str |
         height = positions[:, NODE_INDEX[part], 2]
         if height.min() < LOW:
             where = int(np.argmin(height))
-            return f"the {part.replace('_', ' ')} at {height[where]:.2f} m above the ground in frame {where}"
+            name = part.replace("_", " ")
+            return f"the {name} at {height[where]:.2f} m above the ground after {_seconds(motion, where)}"
     hip = positions[:, 0, 2]
     lowest = LOWEST_SQUAT if without_strides(motion, report) else LOWEST_HIP
     if hip.min() < lowest * STANDING_HEIGHT:
         where = int(np.argmin(hip))
-        return f"the hips at {hip[where]:.2f} m above the ground in frame {where}"
+        return f"the hips at {hip[where]:.2f} m above the ground after {_seconds(motion, where)}"
     up = rotate(frames[:, 0], np.broadcast_to([0.0, 0.0, 1.0], (len(frames), 3)))[:, 2]
     if up.min() < np.cos(LARGEST_LEAN):
         where = int(np.argmin(up))
         lean = np.degrees(np.arccos(np.clip(up[where], -1.0, 1.0)))
-        return f"the pelvis leaning by {lean:.0f}° in frame {where}"
+        return f"the pelvis leaning by {lean:.0f}° after {_seconds(motion, where)}"
     if (climb := abs(float(hip[-1] - hip[0]))) > CLIMB:
         return f"hips that rise or fall by {climb:.2f} m"
     return None
+
+
+def _seconds(motion: Motion, frame: int) -> str:
+    return f"{frame / motion.rate:.1f} s"

@@ -262,7 +262,7 @@ def compose(
 
 
 def _motion(motion: Motion, gait: Mapping[str, Any]) -> dict[str, Any]:
-    """What was imitated. kind: of gait.json, or by the speed of a loop; findings: of the gate."""
+    """What was imitated. kind: of gait.json, or by the speed of a loop; findings, refused: of the gate."""
     kind = "motion"
     if motion.cyclic:
         speed = float(np.linalg.norm(motion.cycle_offset[:2])) / motion.duration
@@ -271,6 +271,7 @@ def _motion(motion: Motion, gait: Mapping[str, Any]) -> dict[str, Any]:
         "kind": gait.get("kind", kind),
         "cyclic": motion.cyclic,
         "findings": [finding["message"] for finding in gait.get("gate", ())],
+        "refused": any(finding.get("severity") == "refuse" for finding in gait.get("gate", ())),
     }
 
 

@@ -36,6 +36,7 @@ def verdict(scores: Mapping[str, Any], where: str = "") -> Verdict:
             # Earlier versions wrote no path; their references went straight.
             path_m=root.get("reference_path_m", root["reference_advance_m"]),
             findings=tuple(motion.get("findings", ())),
+            refused=motion.get("refused", False),
         ),
         Training.of(scores["train"]),
         where,

@@ -51,7 +51,7 @@ def test_stable_keys(performance, walk):
         "budget": 2000,
         "finished": True,
     }
-    assert scores["motion"] == {"kind": "walk", "cyclic": True, "findings": []}
+    assert scores["motion"] == {"kind": "walk", "cyclic": True, "findings": [], "refused": False}
     assert scores["capture"] == {"simulated": True, "adjustments": None}
     assert scores["fit_capture"] is None
     assert scores["truth"] is None

@@ -110,6 +110,10 @@ def test_a_motion_that_is_performed_once():
         ({"knee": (0.83, 5.2)}, "fair",
          "walks 20 s from 13 of 13 phases, but the knees follow badly (R² 0.83, 5.2° off)",
          "Look at the knee curves in report.html."),
+        # A knee that hardly moves: a low R², but an error as small as a laboratory's.
+        ({"knee": (0.28, 2.3)}, "fair",
+         "walks 20 s from 13 of 13 phases, but the knees follow loosely (R² 0.28, 2.3° off)",
+         "Look at the knee curves in report.html."),
         ({"knee": (-0.4, 21.0)}, "poor",
          "stays upright 20 s from 13 of 13 phases, but the knees follow badly (R² -0.40, 21.0° off)",
          "Look at the knee curves"),
@@ -147,6 +151,17 @@ def test_an_unfinished_training():
     walks = verdict(scores(train=so_far))
     assert walks.level == "good"
     assert walks.advice.startswith("Training unfinished: 400,000 of 1,000,000 samples.")
+
+
+@pytest.mark.parametrize("preset", ["default", "standing"])
+def test_training_is_no_advice_where_it_refuses_the_motion(preset):
+    refused = scores(upright=0, median=30.0, findings=["too deep"], train={"preset": preset})
+    assert "kinemimic train" in verdict(refused).advice
+    refused["motion"]["refused"] = True
+    advice = verdict(refused, " --run x").advice
+    assert "`kinemimic train` refuses such a motion" in advice
+    assert "`kinemimic retarget --run x --segment`" in advice
+    assert "Train" not in advice
 
 
 def test_flaws_of_the_motion_are_named():
