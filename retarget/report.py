@@ -17,6 +17,7 @@ from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.retarget.cyclic import CyclicFit
+from kinemimic.retarget.feet.balance import LARGEST_LEAN
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
 from kinemimic.retarget.feet.zero_moment_point import Balance
@@ -216,13 +217,25 @@ def noncyclic_report(
     }
     what = "the longest bout" if walk else "the segment" if chosen else "the longest pass"
     warnings = [f"{why}: {what} is kept as recorded, without a loop"] if why else []
-    if fit.lean:
-        warnings.append(
-            f"the recorded body leans in standing by {np.degrees(fit.lean):.0f}° more than it could without "
-            "falling: it was turned upright by this angle"
-        )
+    warnings += lean_warnings(fit.lean)
     warnings += [*held_feet_warnings(report), *filter(None, [low_rate_note(clip.rate)])]
     return _with_findings(report, warnings)
+
+
+def lean_warnings(lean: float) -> list[str]:
+    """That the recorded body was turned upright by `lean` rad, if it was."""
+    if not lean:
+        return []
+    if lean > LARGEST_LEAN - 1e-6:
+        return [
+            f"the recorded body leans in standing by more than {np.degrees(LARGEST_LEAN):.0f}°, which no "
+            "tilt of the sensor explains, and was turned upright by no more: a person who sits, or holds on "
+            "to something, cannot be imitated without it"
+        ]
+    return [
+        f"the recorded body leans in standing by {np.degrees(lean):.0f}° more than it could without falling: "
+        "it was turned upright by this angle"
+    ]
 
 
 def held_feet_warnings(report: Mapping[str, Any]) -> list[str]:

@@ -119,8 +119,7 @@ def _totals(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Ite
             count = sum(len(record[key]) for record in records)
             more = f" and {len(names) - most} more" if len(names) > most else ""
             table.add_row(title, f"{count}: {', '.join(names[:most])}{more}")
-    read = sum(report["read"] for report in captures)
-    table.add_row("captures", f"{read} of {len(captures)} read, {len(refused)} refused")
+    table.add_row("captures", f"{len(usable)} of {len(captures)} usable, {len(refused)} refused")
     yield heading("Total")
     yield table
 

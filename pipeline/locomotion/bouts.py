@@ -32,6 +32,9 @@ from kinemimic.pipeline.locomotion.stride_legs import judge_strides
 from kinemimic.pipeline.locomotion.strides import Stride, frames_of
 from kinemimic.pipeline.locomotion.walk_rule import consecutive_strides, is_walk
 
+# m/s. Down stairs, the rear foot is in the air like a runner's; the slowest joggers go about as fast.
+SLOWEST_RUN = 0.8
+
 
 @dataclass(frozen=True)
 class Bout:
@@ -201,6 +204,6 @@ def _bout(times: Array, positions: Array, span: Span) -> Bout:
         speed=span.speed,
         backward=span.feet.backward,
         period=float(np.median([stride.period for stride in span.strides if stride.walking])),
-        running=span.feet.running,
+        running=span.feet.running and abs(span.speed) > SLOWEST_RUN,
         precise=span.precise,
     )

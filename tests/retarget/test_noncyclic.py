@@ -12,6 +12,7 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.retarget.feet.balance import LARGEST_LEAN
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion
@@ -19,7 +20,7 @@ from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.report import held_feet_warnings
+from kinemimic.retarget.report import held_feet_warnings, lean_warnings
 from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 
 
@@ -163,3 +164,9 @@ def test_feet_held_far_from_the_recording_are_a_warning(after: float | None, war
     found = held_feet_warnings(report)
     assert bool(found) == warns
     assert not warns or ("is 82 mm from the recording" in found[0] and "without 17 mm" in found[0])
+
+
+def test_a_body_turned_as_far_as_possible_may_sit() -> None:
+    assert lean_warnings(0.0) == []
+    assert "by 7° more" in lean_warnings(np.radians(7.0))[0]
+    assert "a person who sits" in lean_warnings(LARGEST_LEAN)[0]

@@ -116,7 +116,7 @@ def test_json_is_the_same_bytes_whatever_the_jobs(library: Path, capsys: Out) ->
 
 def test_none_read_is_status_2(library: Path, capsys: Out) -> None:
     assert call("inspect", library / "a/cut.skl", library / "a/LICENSE") == 2
-    assert "0 of 1 read" in capsys.readouterr().out
+    assert "0 of 1 usable" in capsys.readouterr().out
 
 
 def test_the_page_of_curves_stands_alone(library: Path, tmp_path: Path, capsys: Out) -> None:

@@ -50,6 +50,13 @@ def test_a_walk_has_its_period_speed_and_length(noise: float, heading: float) ->
     assert np.angle(np.exp(1j * (one.heading - heading))) == pytest.approx(0.0, abs=np.radians(3.0))
 
 
+def test_a_walk_down_stairs_is_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There, the rear foot is in the air as in running, but nobody runs so slowly: here, below 10 m/s."""
+    monkeypatch.setattr("kinemimic.pipeline.locomotion.bouts.SLOWEST_RUN", 10.0)
+    (one,) = bouts_of(on_nodes(read_deepmimic(stock_motion("run"))))
+    assert not one.running
+
+
 @pytest.mark.parametrize("name", ["walk", "run"])
 def test_stock_gaits_are_bouts(name: str) -> None:
     """Their speed is that of the closed cycle, the way of the root in a period."""
