@@ -21,6 +21,7 @@ from kinemimic.pipeline.locomotion.path.heading import body_heading
 MIN_DURATION = 0.5  # s
 TURN = np.radians(90.0)  # between the headings before and after
 STILL = 0.15  # m/s, median speed of hips, knees, ankles and wrists of a person who stands
+STEP = 0.25  # m by which a foot of a person who stands may come and go
 _MOVING = tuple(N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle", "wrist") for side in SIDES)
 _TIMES = re.compile(r"\s*(\d+(?:\.\d*)?)\s*-\s*(\d+(?:\.\d*)?)\s*")
 
@@ -97,13 +98,21 @@ def _between(
     if even is not None:
         speed = RATE * np.linalg.norm(np.diff(even.positions[:, _MOVING], axis=0), axis=-1)
         known = speed[np.isfinite(speed)]
-        if len(known) and float(np.median(known)) < STILL:
+        if len(known) and float(np.median(known)) < STILL and _feet_stay(even.positions):
             kind = "stand"
         elif before is not None and after is not None:
             heading, _ = body_heading(even.positions, RATE)
             change = np.angle(np.exp(1j * (np.median(after.heading) - np.median(before.heading))))
             kind = "turn" if max(abs(float(change)), float(np.ptp(heading))) > TURN else kind
     yield Segment("", kind, number, start, end)
+
+
+def _feet_stay(positions: Array) -> bool:
+    """Whether both feet of a body (T, 20, 3) stay, other than in a dance or a high step on one leg."""
+    ankles = positions[:, [N[f"ankle_{side}"] for side in SIDES]]
+    seen = ankles[np.isfinite(ankles).all(axis=(1, 2))]
+    way = np.ptp(np.percentile(seen, [5.0, 95.0], axis=0), axis=0) if len(seen) else np.zeros((2, 3))
+    return bool(np.linalg.norm(way, axis=-1).max() < STEP)
 
 
 def only_segment(clip: Clip, segments: list[Segment], wanted: str) -> Clip:

@@ -12,6 +12,7 @@ from samples.walker import along, joined, standing, walker
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip, Label
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.segments import Segment, find_segments, only_segment
 
 
@@ -46,6 +47,16 @@ def test_a_turn_between_two_walks_is_one() -> None:
     clip = joined(there, spot, back)
     names = [one.name for one in segments_of(clip)]
     assert names == ["walk-1", "turn-1", "walk-2"]
+
+
+def test_a_high_step_on_one_leg_is_no_standing() -> None:
+    """Most of the body is still, but one foot goes up and comes down."""
+    still = standing(walker().clip, 4.0)
+    assert [one.name for one in segments_of(still)] == ["stand-1"]
+    stepping = still.positions.copy()
+    leg = [N[f"{joint}_left"] for joint in ("knee", "ankle", "foot")]
+    stepping[:, leg, 2] += 0.4 * np.sin(np.pi * np.linspace(0.0, 1.0, len(stepping)))[:, None] ** 2
+    assert [one.name for one in segments_of(replace(still, positions=stepping))] == ["motion-1"]
 
 
 def test_labels_of_the_recording_are_segments_too(clip: Clip) -> None:
