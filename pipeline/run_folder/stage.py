@@ -186,9 +186,10 @@ def _finish(run: Path, record: Record) -> Record:
     shutil.rmtree(run / pending.staging, ignore_errors=True)
     if moved := [file for files in outdated.values() for file in files]:
         _log.warning(
-            "%s: set aside what was made from the earlier %s: %s",
+            "%s: set aside what was made from %s: %s",
             run / OUTDATED / pending.outdated,
-            _listed(pending.changed),
+            # None has changed where a user deleted them.
+            f"the earlier {_listed(pending.changed)}" if pending.changed else "files that are gone",
             _listed(moved),
         )
     return result

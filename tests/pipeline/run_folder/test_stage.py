@@ -107,6 +107,15 @@ def test_what_was_made_from_a_replaced_file_is_set_aside(run: Path, caplog: pyte
     assert not (run / "outdated" / "2").exists()
 
 
+def test_what_was_made_from_a_file_that_a_user_deleted_is_set_aside(
+    run: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (run / "policy.json").unlink()
+    (run / "policy.safetensors").unlink()
+    make(run, "train", "another seed")
+    assert "set aside what was made from files that are gone: " in caplog.text
+
+
 def test_an_equal_file_outdates_nothing(run: Path) -> None:
     before = files(run)
     make(run, "train")
