@@ -66,6 +66,13 @@ def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
     rate = record["samples"] / max(record["seconds"], 1e-9)
     yield (
         f"{run / POLICY}: {record['samples']:,} samples in {minutes(record['seconds'])} ({rate:,.0f}/s), "
-        f"preset {record['preset']}, seed {record['seed']}, {record['engine']} engine"
-        + (", the second half of the cycle mirrors the first" if record["mirrored"] else "")
+        f"preset {record['preset']}, seed {record['seed']}, {record['engine']} engine" + mirroring(record)
     )
+
+
+def mirroring(record: Mapping[str, Any]) -> str:
+    """What the policy mirrors: half a cycle of a gait; in a tracker, which knows no cycle, the sides."""
+    if not record["mirrored"]:
+        return ""
+    tracks = record["config"]["env"].get("tracking") is not None
+    return ", left and right mirrored" if tracks else ", the second half of the cycle mirrors the first"
