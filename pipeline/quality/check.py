@@ -24,6 +24,7 @@ from kinemimic.pipeline.quality.rules import (
     duplicate_frames,
     exchanged_legs,
     gaps,
+    hidden_legs,
     jumps,
     knee_sign,
     limb_lengths,
@@ -64,7 +65,13 @@ _BODY_RULES = (
     assumed_rate.repair,
 )
 _RULES_IN_PASSES = (swapped_limbs.repair, exchanged_legs.repair, seen_from_behind.repair, jumps.repair)
-_DETECTION_RULES = (limb_lengths.detect, turning_camera.detect, wrong_rate.detect, knee_sign.detect)
+_DETECTION_RULES = (
+    limb_lengths.detect,
+    turning_camera.detect,
+    wrong_rate.detect,
+    knee_sign.detect,
+    hidden_legs.detect,
+)
 
 
 def check_capture(recorded: Clip) -> CheckedCapture:

@@ -22,6 +22,7 @@ RULES: dict[str, str] = {
     "wrong_up_axis": "wrong up-axis",
     "mirrored": "mirrored",
     "turning_camera": "camera turns with the walker",
+    "hidden_legs": "hidden legs",
     "wide_hips": "wide hips",
     "impossible_limbs": "impossible limbs",
     "bone_drift": "bone-length drift",
