@@ -35,7 +35,7 @@ from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.balance_loop import balance_loop
-from kinemimic.retarget.optimise.balance_spot import balance_spot
+from kinemimic.retarget.optimise.balance_spot import LONGEST, balance_spot
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
@@ -170,10 +170,16 @@ def _as_recorded(clip: Clip, bouts: list[Bout], options: _Options, why: str) -> 
     excerpt = _excerpt(clip, bouts, straighten=bool(options.straighten))
     fit = fit_noncyclic(clip, excerpt, balance=options.balance)
     motion, found = refine(fit.motion, fit.seen) if options.refined else fit.motion, None
-    if options.balance and on_the_spot(motion.root, motion.contacts, motion.rate):
+    balances = options.balance and on_the_spot(motion.root, motion.contacts, motion.rate)
+    if balances:
         motion, found = balance_spot(motion, fit.seen, refined=options.refined)
     chosen = options.segment is not None
     report = noncyclic_report(clip, bouts, excerpt, fit, motion, found, why, chosen=chosen)
+    if balances and motion.duration > LONGEST:
+        report["warnings"].append(
+            f"not balanced: the motion takes {motion.duration:.0f} s, and at most {LONGEST:.0f} s are; choose a "
+            "part of it with --segment"
+        )
     span = PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, fit.phase)
     return _Result(motion, fit.reliability, [span], report)
 

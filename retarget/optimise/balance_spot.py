@@ -24,13 +24,19 @@ RIDGE = 0.1  # of a harmonic of 1 Hz
 # Of the soles' length and width: no simulated body stands for long on the rest.
 SOLE = (0.35, 0.5)
 
+# s. The series grow with the duration, and memory and time with its square: 2 GB and 45 s here.
+LONGEST = 180.0
+
 
 def balance_spot(motion: Motion, seen: Array, *, refined: bool = True) -> tuple[Motion, Balance | None]:
     """A motion on the spot that is balanced, and then, if `refined`, refined again with `seen`
     (`refine.refine`).
 
-    Unchanged, with None, where the zero-moment point is not nearer to the middle of the soles after both.
+    Unchanged, with None, where the zero-moment point is not nearer to the middle of the soles after both, and
+    beyond LONGEST.
     """
+    if motion.duration > LONGEST:
+        return motion, None
     there_and_back = _there_and_back(motion)
     series = _series(there_and_back.duration)
     moved, balance = balanced(there_and_back, series)

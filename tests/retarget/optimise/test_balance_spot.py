@@ -80,3 +80,8 @@ def test_who_is_balanced_is_left_alone(bending: Motion) -> None:
 def test_in_the_air_nothing_changes(bending: Motion) -> None:
     flying = replace(bending, root=bending.root + np.array([0.0, 0.0, 0.5]))
     assert balance_spot(flying, SEEN) == (flying, None)
+
+
+def test_a_long_motion_is_left_alone(bending: Motion, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kinemimic.retarget.optimise.balance_spot.LONGEST", bending.duration - 0.1)
+    assert balance_spot(bending, SEEN) == (bending, None)
