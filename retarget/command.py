@@ -177,7 +177,7 @@ def _as_recorded(clip: Clip, bouts: list[Bout], options: _Options, why: str) -> 
     report = noncyclic_report(clip, bouts, excerpt, fit, motion, found, why, chosen=chosen)
     if balances and motion.duration > LONGEST:
         report["warnings"].append(
-            f"not balanced: the motion takes {motion.duration:.0f} s, and at most {LONGEST:.0f} s are; choose a "
+            f"not balanced: the motion takes {motion.duration:.0f} s, more than {LONGEST:.0f} s; choose a "
             "part of it with --segment"
         )
     span = PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, fit.phase)

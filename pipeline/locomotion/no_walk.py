@@ -49,6 +49,8 @@ def _reasons(
     found = [(stride.why, stride.cycles) for stride in gait.strides(precise=precise) if stride.why]
     for span in spans_of_pass(times, positions, bones, precise=precise, toes=toes):
         cycles = sum(stride.cycles for stride in span.strides)
+        if cycles < MIN_STRIDES:
+            continue
         source = span.path.source
         if source == "neither" or (source == "feet" and precise and span.feet.backward):
             found.append((OTHER_PATH if source == "neither" else BACKWARD_IN_PLACE, cycles))
