@@ -23,3 +23,15 @@ def knee_warnings(report: Mapping[str, Any]) -> list[str]:
         f"the strides differ in the knee: R² of the loop against them {', '.join(low)} (limit {least:g}); "
         "they may include standing, turns or another gait: choose a part of the walk with --segment"
     ]
+
+
+def climb_warnings(report: Mapping[str, Any]) -> list[str]:
+    """What the level loop leaves out of a walk up or down, from its gait.json."""
+    climb = report["climb"]
+    if not climb["certain"]:
+        return []
+    verb = "climbs" if climb["stride_m"] > 0.0 else "descends"
+    return [
+        f"levelled: the {report['kind']} {verb} {abs(climb['stride_m']):.2f} m per stride "
+        f"({abs(climb['angle_deg']):.1f}°)"
+    ]

@@ -25,7 +25,7 @@ from kinemimic.retarget.fidelity import departure_warnings, departures
 from kinemimic.retarget.formats.gait_json import GAIT_SCHEMA
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.retarget.loop_warnings import knee_warnings
+from kinemimic.retarget.loop_warnings import climb_warnings, knee_warnings
 from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.noncyclic import NonCyclicFit
 from kinemimic.retarget.strides.climb import Climb, climb_of
@@ -150,18 +150,6 @@ def _climb(found: Climb) -> dict[str, Any]:
         "total_m": _n(found.total),
         "certain": found.certain,
     }
-
-
-def climb_warnings(report: Mapping[str, Any]) -> list[str]:
-    """What the level loop leaves out of a walk up or down, from its gait.json."""
-    climb = report["climb"]
-    if not climb["certain"]:
-        return []
-    verb = "climbs" if climb["stride_m"] > 0.0 else "descends"
-    return [
-        f"levelled: the {report['kind']} {verb} {abs(climb['stride_m']):.2f} m per stride "
-        f"({abs(climb['angle_deg']):.1f}°)"
-    ]
 
 
 def noncyclic_report(
