@@ -75,12 +75,15 @@ def sampling(variant: str) -> Iterator[None]:
         motion_sampling.FLOOR = floor
 
 
-def measured(source: Path, out: Path, samples: int, seeds: int) -> list[dict[str, Any]]:
-    """A row for each variant and seed; every finished one is kept in its folder."""
+def measured(source: Path, out: Path, samples: int, seeds: int, only: Sequence[str]) -> list[dict[str, Any]]:
+    """A row for each seed and variant (those in `only`; all if empty); every finished one is kept in its
+    folder."""
     rows = []
     recorded = recorded_only(source, out / "recorded")
     for seed in range(seeds):
         for variant, config in variants().items():
+            if only and variant not in only:
+                continue
             folder = out / variant.replace(" ", "-").replace(",", "") / f"seed{seed}"
             trained_on = recorded if variant == RECORDED else source
             with sampling(variant):
@@ -129,11 +132,13 @@ def _cell(rows: Sequence[dict[str, Any]], key: str) -> str:
 @click.option("--samples", type=click.IntRange(min=1), default=10_800_000, show_default=True,
               help="Of each training; by default a fifth of the first tracker.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(min=1), default=2, show_default=True)
-def main(library: Path, out: Path, samples: int, seeds: int) -> None:
+@click.option("--only", multiple=True, type=click.Choice(list(variants())),
+              help="Of the variants; repeatable. All by default.")  # fmt: skip
+def main(library: Path, out: Path, samples: int, seeds: int, only: tuple[str, ...]) -> None:
     """Train and score every variant on LIBRARY (of `kinemimic library`, with variants and subjects left out
     for tests); resumable: what is in OUT is not done again."""
     try:
-        print(table(measured(library, out, samples, seeds)))
+        print(table(measured(library, out, samples, seeds, only)))
     except KinemimicError as error:
         sys.exit(f"tracker_ablation: {error}")
 
