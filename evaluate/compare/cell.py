@@ -69,7 +69,7 @@ def train_and_score(cell: Cell) -> None:
     Raises what `train` and `evaluate` raise.
     """
     # Imported here so that the process that schedules the cells loads neither the simulation nor torch.
-    from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415
+    from kinemimic.evaluate.scoring.evaluate import evaluate  # noqa: PLC0415
     from kinemimic.train.command import train  # noqa: PLC0415
 
     prepare(cell)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import secrets
-from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -15,10 +12,8 @@ from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.simulate.repertoire import Repertoire
 from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.heartbeat import heartbeat
-from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.retarget.formats.motion_json import MOTION
 from kinemimic.train.rollout.policy import POLICY, is_tracker, read_record
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
@@ -26,31 +21,6 @@ from kinemimic.train.sim.options import engine_option
 
 DEFAULT_PORT = 8090
 MAX_HUMANOIDS = 100
-REPLAY = "session.rrd"
-
-
-def replay_session(folder: Path) -> dict[str, Any]:
-    """Simulate a recorded session again, write session.rrd to its folder, and return its score.
-
-    KinemimicError for a damaged recording, and where a state differs from the recorded one in any bit.
-    """
-    from kinemimic.evaluate.simulate.recording import Replay  # noqa: PLC0415 (import cost)
-    from kinemimic.evaluate.simulate.replay_view import write_replay  # noqa: PLC0415 (loads rerun)
-    from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415 (import cost)
-
-    replay = Replay(folder, named=scenario)
-    frames = list(replay)
-    if not frames:
-        raise KinemimicError(f"{folder}: expected a session with control steps, found none")
-    # A session that a live capture drove has no motion.
-    motion = read_motion_json(folder / MOTION) if (folder / MOTION).exists() else None
-    write_replay(folder / REPLAY, frames, motion, replay.score)
-    shown = [frame.shown for frame in frames if frame.shown is not None]
-    return {
-        "steps": len(frames),
-        "people": max(one.people for one in shown) if shown else None,
-        "score": None if replay.score is None else replay.score.to_json(),
-    }
 
 
 def simulate(
@@ -70,9 +40,9 @@ def simulate(
     # Import cost, and viser may not be installed.
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415
     from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.loop import Loop, Performance, replay_command  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.loop import Loop, Performance  # noqa: PLC0415
     from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.recording import begin_session  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.recording import begin_session, replay_command  # noqa: PLC0415
     from kinemimic.evaluate.simulate.session import Session  # noqa: PLC0415
     from kinemimic.train.sim.world import CONTROL_RATE  # noqa: PLC0415
 
@@ -128,50 +98,25 @@ def require_viser() -> None:
               help="2 s after a fall, put the humanoid back onto its reference.")  # fmt: skip
 @click.option("--humanoids", type=click.IntRange(1, MAX_HUMANOIDS), default=1, show_default=True,
               help="Perform it this many times at once, from other phases; pushes act on all.")  # fmt: skip
-@click.option("--replay", "is_recording", is_flag=True,
-              help="Simulate a recorded session again: --run is its folder.")  # fmt: skip
 @engine_option
-@json_option("With --replay, print the score as JSON.")
 def command(
     run: Path,
     port: int,
     seconds: float | None,
     restart: bool,
     humanoids: int,
-    is_recording: bool,
     engine: str,
-    as_json: bool,
 ) -> None:
     """Simulate in real time on a page in the browser: push, throw, change the ground, record.
 
     Drag a body of the humanoid with the mouse to pull it. The page is served on 127.0.0.1 only, and needs
-    the token in the printed address. What happens on the page can be recorded; --replay simulates a
-    recording again, checks that every state is bit for bit the same, and writes session.rrd.
+    the token in the printed address. What happens on the page can be recorded; `kinemimic evaluate`
+    simulates a recording again.
 
     \b
       kinemimic simulate --policy walk
       kinemimic simulate --policy walk --humanoids 20
       kinemimic simulate --run runs/walk
-      kinemimic simulate --replay --run runs/walk/simulate/session-1
     """
-    if is_recording:
-        found = replay_session(run)
-        if as_json:
-            click.echo(json.dumps(found, indent=2, allow_nan=False))
-            return
-        from kinemimic.evaluate.view.command import how_to_open  # noqa: PLC0415 (import cost)
-
-        echo(f"{found['steps']} control steps, every state as recorded\n{_words(found)}")
-        echo(f"{run / REPLAY} ({how_to_open(run / REPLAY)})")
-        return
     require_viser()
     simulate(run, engine=engine, port=port, seconds=seconds, restart=restart, humanoids=humanoids)
-
-
-def _words(found: Mapping[str, Any]) -> str:
-    from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
-
-    score = found["score"]
-    if found["people"] == 0:
-        return "nobody was followed"
-    return "too short for a score" if score is None else str(Score.from_json(score))

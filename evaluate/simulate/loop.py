@@ -12,7 +12,7 @@ from typing import Protocol
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING, Frame
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Ground, Input, checked, finite
-from kinemimic.evaluate.simulate.recording import Recorder, next_folder
+from kinemimic.evaluate.simulate.recording import Recorder, next_folder, replay_command
 from kinemimic.evaluate.simulate.requests import (
     Choose,
     Redraw,
@@ -276,8 +276,3 @@ class Loop:
         elif self.recorded:
             lines.append(f"recorded: `{replay_command(self.recorded[-1])}`")
         return "\n\n".join(lines)
-
-
-def replay_command(folder: Path) -> str:
-    """The command that simulates a recording again."""
-    return f"kinemimic simulate --replay --run {folder}"

@@ -111,6 +111,11 @@ def _standing(env: EnvConfig) -> Policy | None:
     return policy if layout(own) == layout(env) else None
 
 
+def replay_command(folder: Path) -> str:
+    """The command that simulates a recording again."""
+    return f"kinemimic evaluate --run {folder}"
+
+
 def next_folder(recordings: Path) -> Path:
     """The first folder session-N that does not exist."""
     number = 1
@@ -169,10 +174,9 @@ class Recorder:
 
     def close(self, session: Session) -> None:
         """End the recording with its score."""
-        score = session.score()
-        last = {"step": session.step_count, "digest": session.digest()}
+        last = {"step": session.step_count, "digest": session.digest(), "score": _score(session)}
         with self._file:
-            self._write({**last, "score": None if score is None else score.to_json()})
+            self._write(last)
 
 
 class Replay:
@@ -235,6 +239,19 @@ def _replayed(path: Path, lines: Iterator[tuple[int, bytes]], session: Session) 
                 expected=f"the recorded state after control step {line.step}",
                 found="another: the engine, its version or the processor differs",
             )
+        if line.score is not None and line.score != _score(session):
+            raise CaptureError(
+                path,
+                where=f"line {number}",
+                expected=f"the score that was shown, {json.dumps(line.score)}",
+                found=f"{json.dumps(_score(session))}: another version computes it differently",
+            )
+
+
+def _score(session: Session) -> dict[str, float | None] | None:
+    """The score that the page shows, as it is recorded; None before there is one."""
+    score = session.score()
+    return None if score is None else score.to_json()
 
 
 def _shipped() -> tuple[str, str]:

@@ -182,6 +182,7 @@ def _page(port: int, policy: str, source: Source) -> Page:
 
 def _words(found: dict[str, Any]) -> list[str]:
     from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.simulate.recording import replay_command  # noqa: PLC0415
 
     latency = found["latency_ms"]
     behind = "" if latency is None else f", {latency['median']:.0f} ms behind (99 %: {latency['p99']:.0f} ms)"
@@ -197,7 +198,7 @@ def _words(found: dict[str, Any]) -> list[str]:
     if found["score"] is not None:
         lines.append(str(Score.from_json(found["score"])))
     if found["recording"] is not None:
-        lines.append(f"recorded: kinemimic simulate --replay --run {found['recording']}")
+        lines.append(f"recorded: {replay_command(Path(found['recording']))}")
     return lines
 
 

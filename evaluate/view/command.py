@@ -171,7 +171,7 @@ def _evaluate_if_needed(run: Path) -> None:
     # A trial of a scenario is simulated; it needs no scores.
     of_trial = click.get_current_context().params.get("named") is not None
     if not of_trial and not evaluated(run):
-        from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415 (--help must not load it)
+        from kinemimic.evaluate.scoring.evaluate import evaluate  # noqa: PLC0415 (--help must not load it)
 
         evaluate(run)
 

@@ -203,7 +203,7 @@ def command(
         click.echo(json.dumps({**stages, **paths, "scores": outcome.scores}, indent=2))
         return
     # Import cost: these modules load the simulation.
-    from kinemimic.evaluate.scoring.command import table  # noqa: PLC0415
+    from kinemimic.evaluate.scoring.evaluate import table  # noqa: PLC0415
     from kinemimic.evaluate.view.command import how_to_open  # noqa: PLC0415
     from kinemimic.pipeline.cli.terminal import show  # noqa: PLC0415
 

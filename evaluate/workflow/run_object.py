@@ -146,11 +146,11 @@ class Run:
         )
 
     def evaluate(self, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
-        """Score the policy and write the report (`evaluate/scoring/command.py`); returns the scores.
+        """Score the policy and write the report (`evaluate/scoring/evaluate.py`); returns the scores.
 
         workers: simulation processes, by default one per core; engine: "auto", "native" or "pybullet".
         """
-        from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.scoring.evaluate import evaluate  # noqa: PLC0415 (import cost)
 
         return evaluate(self.folder, workers=workers, engine=engine)
 

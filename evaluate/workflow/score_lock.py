@@ -17,7 +17,7 @@ import click
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import SCORES, ShippedPolicies
-from kinemimic.evaluate.scoring.command import evaluate
+from kinemimic.evaluate.scoring.evaluate import evaluate
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json

@@ -37,7 +37,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "train": ("kinemimic.train.command:command", "Train a policy that imitates the motion in Bullet."),
     "evaluate": (
-        "kinemimic.evaluate.scoring.command:command",
+        "kinemimic.evaluate.command:command",
         "Score a policy: report, curves, scores.json.",
     ),
     "view": ("kinemimic.evaluate.view.command:command", "Show capture, reference and simulation in rerun."),

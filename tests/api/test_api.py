@@ -53,7 +53,7 @@ def test_a_stage_takes_what_its_function_takes(name: str) -> None:
         "ingest": "kinemimic.pipeline.ingest",
         "retarget": "kinemimic.retarget.command",
         "train": "kinemimic.train.command",
-        "evaluate": "kinemimic.evaluate.scoring.command",
+        "evaluate": "kinemimic.evaluate.scoring.evaluate",
     }[name]
     function = getattr(__import__(module, fromlist=[name]), name)
     expected = get_type_hints(function)

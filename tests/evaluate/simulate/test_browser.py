@@ -46,7 +46,7 @@ TABS: dict[str, dict[str, str | None]] = {
         "Stop recording": None,
     },
 }
-SHOWN = {"Pause": "paused", "Stop recording": "kinemimic simulate --replay"}
+SHOWN = {"Pause": "paused", "Stop recording": "kinemimic evaluate"}
 # By then, another policy has ended the recording.
 RENAMED = {"Stop recording": "Record"}
 ABOVE = "Take control"
@@ -142,7 +142,7 @@ def test_a_drag_shows_its_force_and_moves_the_humanoid(look: Callable[..., Watch
     page.tab.mouse.up()
     awaits(walk_run, "release")
     page.press("Stop recording")
-    page.sees("kinemimic simulate --replay")
+    page.sees("kinemimic evaluate")
     assert page.hosts <= {"127.0.0.1"}
     assert page.errors == []
     body = BODY_INDEX[next(one["body"] for one in inputs(walk_run) if one["type"] == "drag")]
@@ -196,7 +196,7 @@ def test_one_of_two_viewers_holds_the_controls(look: Callable[..., Watched], wal
     first.press("Restart")
     awaits(walk_run, "release", "restart", "release", "restart")
     first.press("Stop recording")
-    first.sees("kinemimic simulate --replay")
+    first.sees("kinemimic evaluate")
     assert first.hosts | second.hosts <= {"127.0.0.1"}
     assert first.errors == second.errors == []
 

@@ -162,7 +162,7 @@ def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Pag
     page.waiting.put(ToggleRecording())
     loop.beat()
     folder = tmp_path / "recordings" / "session-1"
-    assert page.said[-1] == f"recorded: kinemimic simulate --replay --run {folder}"
+    assert page.said[-1] == f"recorded: kinemimic evaluate --run {folder}"
     lines = [json.loads(line) for line in (folder / SESSION).read_text().splitlines()]
     kinds = [line["input"]["type"] for line in lines if "input" in line]
     assert kinds == ["push", "drag", "release"]
@@ -258,9 +258,9 @@ def test_a_recording_begins_with_what_the_sliders_show(loop: Loop, page: Page) -
     loop.beat()
     assert page.frames[-1].step == 1
     assert page.frames[-1].tilt.any()
-    assert page.said[1:] == [f"recorded: kinemimic simulate --replay --run {loop.recorded[0]}"]
+    assert page.said[1:] == [f"recorded: kinemimic evaluate --run {loop.recorded[0]}"]
     loop._page.show(page.frames[-1], loop._state())
-    assert f"kinemimic simulate --replay --run {loop.recorded[0]}" in page.states[-1]
+    assert f"kinemimic evaluate --run {loop.recorded[0]}" in page.states[-1]
 
 
 def test_a_paused_page_shows_what_was_done_and_else_rests(loop: Loop, page: Page) -> None:

@@ -146,7 +146,7 @@ def test_the_command_to_open_it_exists(tmp_path):
 
 def test_a_trial_of_a_scenario_needs_no_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    monkeypatch.setattr("kinemimic.evaluate.scoring.command.evaluate", lambda run: asked.append("evaluate"))
+    monkeypatch.setattr("kinemimic.evaluate.scoring.evaluate.evaluate", lambda run: asked.append("evaluate"))
     monkeypatch.setattr(module, "_record_trial", lambda *_: (tmp_path / "view-room.rrd", None))
     arguments = ["--policy", "walk", "--run", str(tmp_path / "run"), "--scenario", "room"]
     result = CliRunner().invoke(command, arguments, catch_exceptions=False)

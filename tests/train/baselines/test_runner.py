@@ -19,7 +19,7 @@ from peers.killing import without_clock
 from safetensors.numpy import load_file
 from stable_baselines3 import DDPG
 
-from kinemimic.evaluate.scoring.command import evaluate
+from kinemimic.evaluate.scoring.evaluate import evaluate
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.replay_view import obstacle_columns
+from kinemimic.evaluate.simulate.replay import obstacle_columns
 from kinemimic.train.sim.world import Obstacle
 
 BALL = Obstacle("sphere", (0.24, 0.24, 0.24), (1.0, 0.0, 1.0), mass=1.0)

@@ -7,7 +7,8 @@ import pytest
 from click.testing import CliRunner
 from peers.constant import constant
 
-from kinemimic.evaluate.scoring import command as stage
+from kinemimic.evaluate.command import command
+from kinemimic.evaluate.scoring import evaluate as stage
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
@@ -93,14 +94,12 @@ def test_equal_inputs_give_equal_bytes(acted):
 
 
 def test_command_prints_a_table_or_json(acted):
-    printed = CliRunner().invoke(stage.command, ["--run", str(acted)], catch_exceptions=False).output
+    printed = CliRunner().invoke(command, ["--run", str(acted)], catch_exceptions=False).output
     assert "SIMULATED CAPTURE" in printed
     assert "medians over 13 start phases" in printed
     assert "600 of 600" in printed and "13 of 13" in printed
     assert f"report: {acted / 'report.html'}" in printed
-    printed = (
-        CliRunner().invoke(stage.command, ["--run", str(acted), "--json"], catch_exceptions=False).output
-    )
+    printed = CliRunner().invoke(command, ["--run", str(acted), "--json"], catch_exceptions=False).output
     assert json.loads(printed)["survival"]["phases"] == 13
 
 

@@ -1,24 +1,20 @@
-"""`kinemimic evaluate`: rolls out a policy; writes scores.json, curves.csv, report.html, trajectory.npz."""
+"""Score a policy by rolling it out; write scores.json, curves.csv, report.html, trajectory.npz."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.scoring.metrics.capture_fit import read_capture
 from kinemimic.evaluate.scoring.metrics.scores import compose
 from kinemimic.evaluate.scoring.metrics.tracking_error import FAILURE_DISTANCE, TRACKING_MEASURES
 from kinemimic.evaluate.scoring.metrics.verdict import median, verdict
-from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.evaluate.scoring.reports.report import (
     LABELS,
     PAPER_FIT,
@@ -30,9 +26,7 @@ from kinemimic.evaluate.scoring.reports.report import (
     report,
 )
 from kinemimic.pipeline.cli.html import number
-from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
-from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
@@ -47,7 +41,6 @@ from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.rollout.verdict import Level
 from kinemimic.train.sim.engines import resolve
-from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
 
 # Of the verdict in a terminal.
@@ -205,24 +198,3 @@ def tracking_line(tracking: Mapping[str, Any]) -> str:
         f"MPJPE {overall} mm, root-relative {local} mm; E_vel {velocity} mm/frame, "
         f"E_acc {acceleration} mm/frame²"
     )
-
-
-@click.command("evaluate")
-@run_options()
-@workers_option
-@engine_option
-@json_option("Print scores.json.")
-def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """Score the run's policy, or a shipped one, against reference, capture and true motion.
-
-    \b
-      kinemimic evaluate --run runs/walk
-      kinemimic evaluate --policy walk
-    """
-    scores = evaluate(run, workers=workers, engine=engine)
-    write_index(run)
-    if as_json:
-        click.echo(json.dumps(scores, indent=2))
-    else:
-        # Without wrapping: a path broken over two lines cannot be opened.
-        show(table(scores, run), wrap=False)

@@ -1,21 +1,65 @@
-"""A replayed session as a rerun recording."""
+"""A recorded session, simulated again: its score, and a recording for rerun."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from kinemimic.evaluate.film.figures import humanoids
 from kinemimic.evaluate.simulate.frame import Frame, Score
-from kinemimic.evaluate.view.command import write_recording
+from kinemimic.evaluate.simulate.recording import Replay
+from kinemimic.evaluate.view.command import how_to_open, write_recording
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.body import FEET, node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
+from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import Obstacle
+
+REPLAY = "session.rrd"
+
+
+def replay_session(folder: Path) -> dict[str, Any]:
+    """Simulate a recorded session again, write session.rrd to its folder, and return its score.
+
+    steps: control steps; people: the most that a live capture showed, None without one; score: of the last
+    ten seconds, None if too short. KinemimicError for a damaged recording, and where a state or the score
+    differs from the recorded one in any bit.
+    """
+    replay = Replay(folder, named=scenario)
+    frames = list(replay)
+    if not frames:
+        raise KinemimicError(f"{folder}: expected a session with control steps, found none")
+    # A session that a live capture drove has no motion.
+    motion = read_motion_json(folder / MOTION) if (folder / MOTION).exists() else None
+    write_replay(folder / REPLAY, frames, motion, replay.score)
+    shown = [frame.shown for frame in frames if frame.shown is not None]
+    return {
+        "steps": len(frames),
+        "people": max(one.people for one in shown) if shown else None,
+        "score": None if replay.score is None else replay.score.to_json(),
+    }
+
+
+def replay_summary(folder: Path, found: Mapping[str, Any]) -> str:
+    """What `replay_session` found, as lines of text."""
+    return (
+        f"{found['steps']} control steps, every state as recorded\n{_score_line(found)}\n"
+        f"{folder / REPLAY} ({how_to_open(folder / REPLAY)})"
+    )
+
+
+def _score_line(found: Mapping[str, Any]) -> str:
+    score = found["score"]
+    if found["people"] == 0:
+        return "nobody was followed"
+    return "too short for a score" if score is None else str(Score.from_json(score))
 
 
 def write_replay(path: Path, frames: Sequence[Frame], motion: Motion | None, score: Score | None) -> None:
