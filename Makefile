@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker correct-tracker predictor ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-stream-exercises bench-stream-noise bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker correct-tracker predictor ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-stream-exercises bench-stream-noise bench-stream-page bench-truth hip-gap sensor-accuracy tracker-ablation video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -226,6 +226,9 @@ bench-stream-exercises: setup ## Follow live captures of exercises with the poli
 
 bench-stream-noise: setup ## Follow live captures of depth sensors with and without denoising (KINEMIMIC_CAPTURES= is their folder)
 	$(BIN)/python tests/bench/bench_stream_noise.py
+
+bench-stream-page: setup ## Time a frame over UDP to the browser; then a flood, a crowd and a kill (SECONDS= of each)
+	$(BIN)/python tests/bench/bench_stream_page.py $(SECONDS)
 
 hip-gap: setup ## Find what causes the gap at the hip: train with one setting of body, world or task changed at a time (hours): SEEDS=
 	$(BIN)/python tests/bench/hip_gap.py datasets/policies/walk/motion.json runs/hip-gap $(if $(SEEDS),--seeds "$(SEEDS)")

@@ -39,7 +39,7 @@ from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.world import CONTROL_RATE
 
-# Optical walks and a run, and depth sensors of two generations.
+# Optical walks and a run, and walks before a depth sensor.
 CAPTURES = (
     "../corpus/cmu_bvh/07_01.bvh",
     "../corpus/cmu_bvh/07_04.bvh",
@@ -50,7 +50,7 @@ CAPTURES = (
     "../corpus/kinect1_walks/Person003_1.txt",
     "kinect1_bernstein_skl/micha_walk.skl",
     "kinect1_bernstein_skl/guy_walk_45.skl",
-    "kinect2_bernstein_skl/Kinect_v2_v2RanLong.skl",
+    "kinect1_bernstein_skl/i1.skl",
 )
 TAIL = 0.6  # s after the end of a capture: the lag, and more
 Curves = dict[str, Array]
