@@ -6,34 +6,19 @@ tilt the root; the joints keep their pose.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, from_rotvec, multiply, rotate
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.retarget.humanoid.body import BODIES
-from kinemimic.retarget.humanoid.limits import HINGE_JOINTS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
-from kinemimic.retarget.optimise.leg_chain import JOINT_COLUMNS, ROOT_POSITION, ROOT_ROTATION
+from kinemimic.retarget.optimise.leg_chain import ROOT_COLUMNS, ROOT_ROTATION, apply_corrections
 from kinemimic.retarget.optimise.one_sided import OneSided
 
 NEAR_GROUND = 0.05  # m: bodies that never come this low are left out
 RELEASE = 0.005  # m, see OneSided
 _UP = np.array([0.0, 0.0, 1.0])
-
-
-def apply_corrections(motion: Motion, x: Array) -> Motion:
-    """The motion with corrections x (T, 20) of root and legs, as defined in `leg_chain`."""
-    rotations = motion.rotations.copy()
-    rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_ROTATION]))
-    for joint, columns in JOINT_COLUMNS.items():
-        own = x[:, columns]
-        turn = from_axis_angle("Y", own[:, 0]) if joint in HINGE_JOINTS else from_rotvec(own)
-        rotations[:, N[joint]] = multiply(rotations[:, N[joint]], turn)
-    return replace(motion, root=motion.root + x[:, ROOT_POSITION], rotations=rotations)
 
 
 class BodyGroundTerms:
@@ -68,7 +53,7 @@ class BodyGroundTerms:
         deviation: expected penetration in metres.
         """
         heights = self._heights[window]
-        rows = np.zeros((*heights.shape, 6))
+        rows = np.zeros((*heights.shape, ROOT_COLUMNS.stop))
         rows[..., 2] = 1.0
         rows[..., ROOT_ROTATION] = self._levers[window]
         weighted = rows * (self._ground.weight(heights, window) / deviation**2)[..., None]

@@ -7,19 +7,21 @@ after the joint's rotation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.rotations import to_matrix
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import node_offsets, sole_corners
+from kinemimic.retarget.humanoid.limits import HINGE_JOINTS
+from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.tangent import exponential
 
 UNKNOWNS = 20
-ROOT_POSITION, ROOT_ROTATION = slice(0, 3), slice(3, 6)
+ROOT_POSITION, ROOT_ROTATION, ROOT_COLUMNS = slice(0, 3), slice(3, 6), slice(0, 6)
 _LEG_UNKNOWNS = 7
 # Columns of each leg in x, left then right, and of each joint.
 LEG_COLUMNS = (slice(6, 13), slice(13, 20))
@@ -28,7 +30,20 @@ JOINT_COLUMNS: dict[str, slice] = {
     for joint, first, size in (("hip", 0, 3), ("knee", 3, 1), ("ankle", 4, 3))
     for side, leg in zip(SIDES, LEG_COLUMNS, strict=True)
 }
-LEG_POINTS = 6  # per leg: knee, ankle and the four sole corners
+# The points of a leg: knee, ankle and the four sole corners.
+LEG_POINTS = 6
+KNEE_AND_ANKLE, SOLE = slice(0, 2), slice(2, 6)
+
+
+def apply_corrections(motion: Motion, x: Array) -> Motion:
+    """The motion with corrections x (T, 20) of root and legs, as defined in this module."""
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_ROTATION]))
+    for joint, columns in JOINT_COLUMNS.items():
+        own = x[:, columns]
+        turn = from_axis_angle("Y", own[:, 0]) if joint in HINGE_JOINTS else from_rotvec(own)
+        rotations[:, N[joint]] = multiply(rotations[:, N[joint]], turn)
+    return replace(motion, root=motion.root + x[:, ROOT_POSITION], rotations=rotations)
 
 
 @dataclass(frozen=True)
@@ -114,7 +129,7 @@ def _forward(chain: LegChain, x: Array) -> tuple[Array, tuple[Array, Array, Arra
     by_ankle = foot @ tangent
     points = np.empty((len(x), 2, LEG_POINTS, 3))
     points[:, :, 0], points[:, :, 1] = knee, ankle
-    points[:, :, 2:] = ankle[:, :, None] + np.einsum("tsij,cj->tsci", foot, corners)
+    points[:, :, SOLE] = ankle[:, :, None] + np.einsum("tsij,cj->tsci", foot, corners)
     return points, (hip, knee, ankle), (by_root, by_hip, by_knee, by_ankle)
 
 

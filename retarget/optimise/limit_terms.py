@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, swing_twist, swing_twist_jacobian
+from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.one_sided import OneSided
 from kinemimic.retarget.optimise.tangent import exponential
 
 LIMIT_DEVIATION = np.radians(0.3)  # expected excess of a joint over its limit
 MARGIN = np.radians(1.5)  # the limits are tightened by this
 RELEASE = np.radians(3.0)  # see OneSided
+LIMIT_PROXIMITY = np.radians(15.0)  # joints that stay farther from their limits get no limit terms
 
 
 class JointLimitTerms:
@@ -42,3 +47,15 @@ class JointLimitTerms:
         square = np.swapaxes(weighted, -1, -2) @ jacobian
         pull = (low * under + high * over) / LIMIT_DEVIATION**2
         return square, np.einsum("tij,ti->tj", jacobian, pull)
+
+
+def near_limits(motion: Motion, joints: Iterable[str]) -> list[str]:
+    """The joints that come near a limit in any frame."""
+    near = []
+    for joint in joints:
+        angles, limits = swing_twist(motion.rotations[:, N[joint]]), LIMITS[joint]
+        free = limits[:, 1] > limits[:, 0]
+        inside = np.minimum(angles - limits[:, 0], limits[:, 1] - angles)[:, free]
+        if (inside < LIMIT_PROXIMITY).any():
+            near.append(joint)
+    return near

@@ -25,36 +25,27 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
-from kinemimic.retarget.feet.contact import find_stances
-from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, clamp_to_limits, swing_twist
+from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, clamp_to_limits
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.banded import MIN_CYCLE_FRAMES, second_differences
-from kinemimic.retarget.optimise.gauss_newton import gauss_newton, huber
-from kinemimic.retarget.optimise.ground_terms import RELEASE, BodyGroundTerms, apply_corrections
+from kinemimic.retarget.optimise.gauss_newton import gauss_newton
 from kinemimic.retarget.optimise.leg_chain import (
     JOINT_COLUMNS,
     ROOT_POSITION,
     ROOT_ROTATION,
     UNKNOWNS,
-    leg_chain,
-    leg_jacobian,
-    leg_points,
-    normal_equations,
+    apply_corrections,
 )
-from kinemimic.retarget.optimise.limit_terms import JointLimitTerms
-from kinemimic.retarget.optimise.one_sided import OneSided
+from kinemimic.retarget.optimise.leg_terms import LegTerms
+from kinemimic.retarget.optimise.limit_terms import JointLimitTerms, near_limits
 
-# Expected deviations (metres, radians), by which residuals are scaled.
+# Expected deviations (metres, radians) from the closed form.
 ROOT_DEVIATION = (0.02, 0.02, 0.03)
 ROOT_ROTATION_DEVIATION = np.radians(1.5)
 _LEG_DEVIATIONS = {"hip": np.radians(4.0), "knee": np.radians(4.0), "ankle": np.radians(8.0)}
 UPPER_BODY_DEVIATION = np.radians(4.0)
-NODE_DEVIATION = 0.03  # knees and ankles, from the root
-CONTACT_DEVIATION = 0.002  # a sole corner in contact, from its place on the ground
-PENETRATION_DEVIATION = 0.002
 MIN_WEIGHT = 0.05  # weight of a joint that was not seen at all
-LIMIT_PROXIMITY = np.radians(15.0)  # joints that stay farther from their limits get no limit terms
 
 
 def refine(motion: Motion, seen: Array | None = None) -> Motion:
@@ -80,74 +71,41 @@ def refine(motion: Motion, seen: Array | None = None) -> Motion:
 
 def _refine_legs(motion: Motion, seen: Array) -> Array:
     """Corrections (T, 20) of root and legs."""
-    chain = leg_chain(motion.root, motion.rotations)
-    frames, cyclic = len(motion.root), motion.cyclic
-    uncorrected = leg_points(chain, np.zeros((frames, UNKNOWNS)))
-    standing = find_stances(motion.contacts, uncorrected[:, :, 2:], rate=motion.rate, cyclic=cyclic)
-    below_root = uncorrected[:, :, :2] - motion.root[:, None, None]
-    deviation = np.empty(UNKNOWNS)
+    terms = LegTerms(motion, seen)
+    deviation, weights = _leg_deviations(seen)
+    return gauss_newton(
+        terms.terms,
+        deviation,
+        weights,
+        _leg_bending(motion),
+        rate=motion.rate,
+        cyclic=motion.cyclic,
+        root_smoothing=_root_smoothing(motion),
+        before_step=terms.update,
+    )
+
+
+def _leg_deviations(seen: Array) -> tuple[Array, Array]:
+    """Expected deviations (UNKNOWNS,) of root and legs from the closed form, and weights (T, UNKNOWNS)."""
+    deviation, weights = np.empty(UNKNOWNS), np.ones((len(seen), UNKNOWNS))
     deviation[ROOT_POSITION], deviation[ROOT_ROTATION] = ROOT_DEVIATION, ROOT_ROTATION_DEVIATION
-    weights = np.ones((frames, UNKNOWNS))
-    bending = np.zeros((frames, UNKNOWNS))
+    for joint, columns in JOINT_COLUMNS.items():
+        deviation[columns] = _LEG_DEVIATIONS[joint.partition("_")[0]]
+        weights[:, columns] = seen[:, N[joint], None]
+    return deviation, weights
+
+
+def _leg_bending(motion: Motion) -> Array:
+    """Second differences (T, UNKNOWNS) of root and legs before correction; zero for a cycle."""
+    cyclic = motion.cyclic
+    bending = np.zeros((len(motion.root), UNKNOWNS))
     if not cyclic:
         bending[:, ROOT_POSITION] = second_differences(motion.root, cyclic=False)
     bending[:, ROOT_ROTATION] = _rotation_differences(motion.rotations[:, N["hip_center"]], cyclic=cyclic)
-    node_weights = np.empty((frames, 2, 2, 1))
     for joint, columns in JOINT_COLUMNS.items():
-        node = N[joint]
-        deviation[columns], weights[:, columns] = (
-            _LEG_DEVIATIONS[joint.partition("_")[0]],
-            seen[:, node, None],
-        )
-        turn = _rotation_differences(motion.rotations[:, node], cyclic=cyclic)
+        turn = _rotation_differences(motion.rotations[:, N[joint]], cyclic=cyclic)
         bending[:, columns] = turn[:, 1:2] if joint in HINGE_JOINTS else turn
-    for k, side in enumerate(SIDES):
-        node_weights[:, k, :, 0] = seen[:, [N[f"knee_{side}"], N[f"ankle_{side}"]]] / NODE_DEVIATION**2
-    near_limits = _near_limits(motion, list(JOINT_COLUMNS))
-    limits = {joint: JointLimitTerms(joint, frames) for joint in near_limits}
-    anchors = np.zeros((frames, 2, 4, 2))
-    ground, bodies = OneSided((frames, 2, 4), RELEASE), BodyGroundTerms(motion)
-
-    def terms(x: Array, window: slice) -> tuple[Array, Array]:
-        points, jacobian = leg_jacobian(chain.window(window), x)
-        root = chain.root[window] + x[:, ROOT_POSITION]
-        # Knees and ankles keep their place relative to the root, so they do not pull on its position.
-        jacobian[:, :, :2, :, ROOT_POSITION] = 0.0
-        residual, weight = np.empty_like(points), np.empty_like(points)
-        residual[:, :, :2] = points[:, :, :2] - root[:, None, None] - below_root[window]
-        weight[:, :, :2] = node_weights[window] * huber(residual[:, :, :2] / NODE_DEVIATION)
-        corners, contact = points[:, :, 2:], standing.weight[window]
-        residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
-        residual[:, :, 2:, 2] = corners[..., 2]
-        penetration = ground.weight(corners[..., 2], window) / PENETRATION_DEVIATION**2
-        weight[:, :, 2:] = contact[..., None] / CONTACT_DEVIATION**2
-        weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], penetration)
-        square, right = normal_equations(jacobian, residual, weight)
-        for joint in near_limits:
-            own = JOINT_COLUMNS[joint]
-            block, gradient = limits[joint].terms(motion.rotations[window, N[joint]], x[:, own], window)
-            square[:, own, own] += block
-            right[:, own] += gradient
-        block, gradient = bodies.terms(window, PENETRATION_DEVIATION)
-        square[:, :6, :6] += block
-        right[:, :6] += gradient
-        return square, right
-
-    def update(x: Array) -> None:
-        bodies.update(x)
-        corners = leg_points(chain, x)[:, :, 2:]
-        anchors[:] = standing.anchors(corners, motion.cycle_offset)
-
-    return gauss_newton(
-        terms,
-        deviation,
-        weights,
-        bending,
-        rate=motion.rate,
-        cyclic=cyclic,
-        root_smoothing=_root_smoothing(motion),
-        before_step=update,
-    )
+    return bending
 
 
 def _root_smoothing(motion: Motion) -> tuple[Array, Array]:
@@ -172,14 +130,14 @@ def _refine_joint(motion: Motion, joint: str, seen: Array) -> Array:
     q = clamp_to_limits(joint, motion.rotations[:, N[joint]])
     hinge = joint in HINGE_JOINTS
     size = 1 if hinge else 3
-    near_limits = _near_limits(motion, [joint])
-    if motion.cyclic and not near_limits:
+    limited = bool(near_limits(motion, [joint]))
+    if motion.cyclic and not limited:
         return q
 
     limit = JointLimitTerms(joint, len(q))
 
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
-        if near_limits:
+        if limited:
             return limit.terms(q[window], x, window)
         return np.zeros((*x.shape, size)), np.zeros_like(x)
 
@@ -207,15 +165,3 @@ def _rotation_differences(q: Array, *, cyclic: bool) -> Array:
     out = np.zeros((len(q), 3))
     out[1:-1] = turns[1:] - turns[:-1]
     return out
-
-
-def _near_limits(motion: Motion, joints: list[str]) -> list[str]:
-    """The joints that come near a limit in any frame."""
-    near = []
-    for joint in joints:
-        angles, limits = swing_twist(motion.rotations[:, N[joint]]), LIMITS[joint]
-        free = limits[:, 1] > limits[:, 0]
-        inside = np.minimum(angles - limits[:, 0], limits[:, 1] - angles)[:, free]
-        if (inside < LIMIT_PROXIMITY).any():
-            near.append(joint)
-    return near
