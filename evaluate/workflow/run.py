@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
 from functools import partial
@@ -46,8 +46,6 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {
     "train": option_group(training_options, workers_option),
     "evaluate": option_group(engine_option, workers_option),
 }
-
-
 # The stages that `run` carries out, in this order.
 RUN_STAGES = ("ingest", "convert", "retarget", "train", "evaluate", "view")
 
@@ -90,42 +88,60 @@ def run(
     require_start(options.get("train", {}), from_scratch=from_scratch)
     ran: list[str] = []
     skipped: list[str] = []
-
-    def step(name: str, sources: Mapping[str, Path], work: Callable[[list[str]], None]) -> None:
-        config = {key: value for key, value in options.get(name, {}).items() if value is not None}
-        if name == "train" and not (from_scratch or config.keys() & {"from", "preset"}):
-            config |= default_start(folder)
-        if not ran and up_to_date(folder, name, sources=sources, options=config):
-            skipped.append(name)
-            _say(f"{name}: up to date", quiet=quiet)
-            return
-        _say(name, quiet=quiet, bold=True)
-        work([f"--{key}" if value is True else f"--{key}={value}" for key, value in config.items()])
-        state_options(folder, name, config)
-        ran.append(name)
-
-    def virtual(_: list[str]) -> None:
-        _record_virtual(folder)
-        _say(f"SIMULATED capture: the virtual Kinect records the stock walk: {source}", quiet=quiet)
-
     with locked(folder):
         if not overwrite:
             require_same_capture(folder, source)
-        if capture is None:
-            step("virtual", {}, virtual)
-        for name in stages:
-            taken = [str(source), "--overwrite"] if name == "ingest" else []
-            sources = sources_of(folder, source) if name == "ingest" else {}
-            step(name, sources, partial(_invoke, name, [*taken, "--run", str(folder)], quiet=quiet))
+        for step in _steps(source, folder, stages, virtual=capture is None, quiet=quiet):
+            config = {key: value for key, value in options.get(step.name, {}).items() if value is not None}
+            if step.name == "train" and not (from_scratch or config.keys() & {"from", "preset"}):
+                config |= default_start(folder)
+            if not ran and up_to_date(folder, step.name, sources=step.sources, options=config):
+                skipped.append(step.name)
+                _say(f"{step.name}: up to date", quiet=quiet)
+                continue
+            _say(step.name, quiet=quiet, bold=True)
+            step.work([f"--{key}" if value is True else f"--{key}={value}" for key, value in config.items()])
+            state_options(folder, step.name, config)
+            ran.append(step.name)
         scored = "evaluate" in stages
         return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json") if scored else {})
 
 
-def _record_virtual(folder: Path) -> None:
+@dataclass(frozen=True)
+class _Step:
+    """A stage of a run.
+
+    sources: files from outside the folder that its result depends on; work: runs it, with the flags of its
+    options.
+    """
+
+    name: str
+    sources: Mapping[str, Path]
+    work: Callable[[list[str]], None]
+
+
+def _steps(
+    source: Path, folder: Path, stages: Sequence[str], *, virtual: bool, quiet: bool
+) -> Iterator[_Step]:
+    """The stages in order; virtual: first, the virtual Kinect records `source`.
+
+    One at a time, because the files of `source` are known only once it has been recorded.
+    """
+    if virtual:
+        yield _Step("virtual", {}, lambda _: _record_virtual(folder, source, quiet=quiet))
+    for name in stages:
+        ingests = name == "ingest"
+        arguments = [str(source), "--overwrite"] if ingests else []
+        sources = sources_of(folder, source) if ingests else {}
+        yield _Step(name, sources, partial(_invoke, name, [*arguments, "--run", str(folder)], quiet=quiet))
+
+
+def _record_virtual(folder: Path, source: Path, *, quiet: bool) -> None:
     from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (import cost)
 
     with stage(folder, "virtual") as out:
         record_virtual((out / VIRTUAL_CAPTURE).parent, seed=VIRTUAL_SEED)
+    _say(f"SIMULATED capture: the virtual Kinect records the stock walk: {source}", quiet=quiet)
 
 
 def _invoke(name: str, arguments: list[str], flags: list[str], *, quiet: bool) -> None:
