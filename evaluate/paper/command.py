@@ -47,6 +47,7 @@ STUDY_SCHEMA = 5
 TRIALS, ROOMS = 30, 12  # trials of each policy in each scenario; rooms that each walks through
 PAGE = "study.html"
 Row = Mapping[str, Any]
+Cast = Mapping[str, Sequence[TrainedPolicy]]  # by name, the policies of all seeds
 
 
 def study(
@@ -82,39 +83,21 @@ def _study(
     engine: str,
     ray: str | None,
 ) -> dict[str, Any]:
+    """As `study`, with a resolved engine, and with a cluster if `ray` is given."""
     cast = compared_policies(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
-    scenarios = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
     if ray is not None:
         options["executor"] = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
-    entries = []
     with progress("study", len(cast) + 2, unit=PERCENT) as bar:
-        for name, policies in cast.items():
-            faced = [scenarios[one] for one in SCENARIOS if name in policies_in(one, cast)]
-            kept = parts.kept(
-                f"trials of {name}",
-                [policies],
-                {"scenarios": [one.to_json() for one in faced], "trials": trials},
-                bar.advance,
-                partial(_contest_trials, policies, faced, trials=trials, **options),
-            )
-            entries.append((policies, {where: list(map(Trials.from_json, of)) for where, of in kept.items()}))
-        theirs = [cast[one] for one in policies_in(ROOM, cast)]
-        walk_metrics = parts.kept(
-            ROOM,
-            theirs,
-            {"scenario": scenarios[ROOM].to_json(), "trials": walks},
-            bar.advance,
-            partial(rooms, theirs, scenarios[ROOM], trials=walks, **options),
-        )
+        contests = _contests(parts, cast, trials, options, bar.advance)
+        walked = _walks(parts, cast, walks, options, bar.advance)
         times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
-    contests = head_to_head(entries, SCENARIOS, over=AHEAD)
     content = {
         "schema": STUDY_SCHEMA,
-        "claims": [claim.to_json() for claim in claims(comparison, contests, walk_metrics, times)],
+        "claims": [claim.to_json() for claim in claims(comparison, contests, walked, times)],
         "head_to_head": contests,
-        "rooms": walk_metrics,
+        "rooms": walked,
         "times": times,
         "provenance": provenance(
             "study",
@@ -126,15 +109,53 @@ def _study(
             seed=seed,
         ),
     }
+    _write(comparison, out, content)
+    return content
+
+
+def _contests(
+    parts: _Parts, cast: Cast, trials: int, options: Mapping[str, Any], advance: Callable[[float], object]
+) -> list[dict[str, Any]]:
+    """Rows of `head_to_head`, from the trials of every policy in its scenarios."""
+    scenarios = {name: scenario(name) for name in SCENARIOS}
+    entries = []
+    for name, policies in cast.items():
+        faced = [scenarios[one] for one in SCENARIOS if name in policies_in(one, cast)]
+        kept = parts.kept(
+            f"trials of {name}",
+            [policies],
+            {"scenarios": [one.to_json() for one in faced], "trials": trials},
+            advance,
+            partial(_contest_trials, policies, faced, trials=trials, **options),
+        )
+        entries.append((policies, {where: list(map(Trials.from_json, of)) for where, of in kept.items()}))
+    return head_to_head(entries, SCENARIOS, over=AHEAD)
+
+
+def _walks(
+    parts: _Parts, cast: Cast, walks: int, options: Mapping[str, Any], advance: Callable[[float], object]
+) -> Any:
+    """Rows of `rooms`, from the walks of every policy through random rooms."""
+    room, theirs = scenario(ROOM), [cast[one] for one in policies_in(ROOM, cast)]
+    return parts.kept(
+        ROOM,
+        theirs,
+        {"scenario": room.to_json(), "trials": walks},
+        advance,
+        partial(rooms, theirs, room, trials=walks, **options),
+    )
+
+
+def _write(comparison: Comparison, out: Path, content: Row) -> None:
+    """Write the study's page, figures and numbers. content: of study.json."""
     drawn = drawings(comparison, content)
     for name, draw in drawn.items():
         save(draw, out / "figures" / name)
-    for name, rows in numbers(comparison, content):
+    for name, rows in numbers(comparison, content).items():
         write_text(out / "numbers" / f"{name}.csv", table_csv(rows))
     write_json(out / "study.json", content)
     write_text(out / "claims.md", markdown(content["claims"]))
     write_text(out / PAGE, study_page(comparison, content, drawn))
-    return content
 
 
 def _contest_trials(*arguments: Any, **options: Any) -> dict[str, list[Row]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kinemimic.evaluate.compare.comparison import Comparison
@@ -25,6 +25,10 @@ from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 
 Row = Mapping[str, Any]
 QUARTILES = ("median", "q25", "q75", "n")
+# Columns of the table of disturbances; the last have quartiles.
+_COUNTS = ("samples", "kept", "scenario", "trials", "controls_fallen", "affected", "survived", "recovered")
+_TYPICAL = ("typical_recovery_s", "typical_fall_s")
+_SPREAD = ("reward_drop", "onset_s", "recovery_s", "fall_s")
 
 
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
@@ -58,69 +62,66 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
     }
 
 
-def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Row]]]:
-    """Names and rows of the CSV files."""
-    yield "claims", content["claims"]
-    yield (
-        "learning",
-        [
-            {"task": curve["task"], "variant": curve["variant"], "figure": figure, **row}
-            for curve in comparison.content["curves"]
-            for figure in ("reward", "critic_loss")
-            for row in curve[figure]
-        ],
-    )
-    quartiles = ("reward_drop", "onset_s", "recovery_s", "fall_s")
-    plain = (
-        "policy",
-        "samples",
-        "kept",
-        "scenario",
-        "trials",
-        "controls_fallen",
-        "affected",
-        "survived",
-        "recovered",
-    )
-    typical = ("typical_recovery_s", "typical_fall_s")
-    yield (
-        "disturbances",
-        [
-            {
-                **{key: row[key] for key in (*plain, *typical)},
-                **{f"loss_{key}": value for key, value in row["loss"].items()},
-                "survived_low": row["survived_ci95"][0],
-                "survived_high": row["survived_ci95"][1],
-                **{f"{key}_{of}": row[key][of] for key in quartiles for of in QUARTILES},
-            }
-            for row in content["head_to_head"]
-        ],
-    )
-    yield (
-        "rooms",
-        [
-            {
-                "policy": row["policy"], "room": walk["number"],
-                "frames": walk["frames"], "of": walk["of"],
-                **{f"{joint}_{key}": value for joint in SCORED_JOINTS for key, value in walk[joint].items()},
-                "gap_side": walk["gap_side"], "gap_frame": walk["gap_frame"],
-            }
-            for row in content["rooms"]
-            for walk in row["walks"]
-        ],
-    )  # fmt: skip
-    yield (
-        "times",
-        [
-            {
-                "layers": "-".join(map(str, net["hidden"])),
-                "algorithm": name, "what": what, "samples": samples,
-                "mean_ms": one[what]["mean_ms"][k], "deviation_ms": one[what]["deviation_ms"][k],
-            }
-            for net in content["times"]["nets"]
-            for name, one in net["algorithms"].items()
-            if one is not None
-            for what in ("update", "inference")
-            for k, samples in enumerate(content["times"]["samples"])
-        ],
-    )  # fmt: skip
+def numbers(comparison: Comparison, content: Row) -> dict[str, list[Row]]:
+    """Rows of the CSV files, by their names. content: of study.json."""
+    return {
+        "claims": content["claims"],
+        "learning": _learning(comparison),
+        "disturbances": _disturbances(content["head_to_head"]),
+        "rooms": _rooms(content["rooms"]),
+        "times": _times(content["times"]),
+    }
+
+
+def _learning(comparison: Comparison) -> list[Row]:
+    """A row for each point of each learning curve."""
+    return [
+        {"task": curve["task"], "variant": curve["variant"], "figure": figure, **point}
+        for curve in comparison.content["curves"]
+        for figure in ("reward", "critic_loss")
+        for point in curve[figure]
+    ]
+
+
+def _disturbances(contests: Sequence[Row]) -> list[Row]:
+    """A row for each scenario and policy."""
+    return [
+        {
+            **{key: row[key] for key in ("policy", *_COUNTS, *_TYPICAL)},
+            **{f"loss_{key}": value for key, value in row["loss"].items()},
+            "survived_low": row["survived_ci95"][0],
+            "survived_high": row["survived_ci95"][1],
+            **{f"{key}_{of}": row[key][of] for key in _SPREAD for of in QUARTILES},
+        }
+        for row in contests
+    ]
+
+
+def _rooms(rooms: Sequence[Row]) -> list[Row]:
+    """A row for each walk."""
+    return [
+        {
+            "policy": row["policy"], "room": walk["number"],
+            "frames": walk["frames"], "of": walk["of"],
+            **{f"{joint}_{key}": value for joint in SCORED_JOINTS for key, value in walk[joint].items()},
+            "gap_side": walk["gap_side"], "gap_frame": walk["gap_frame"],
+        }
+        for row in rooms
+        for walk in row["walks"]
+    ]  # fmt: skip
+
+
+def _times(times: Row) -> list[Row]:
+    """A row for each network, algorithm, operation and number of samples."""
+    return [
+        {
+            "layers": "-".join(map(str, net["hidden"])),
+            "algorithm": name, "what": what, "samples": samples,
+            "mean_ms": one[what]["mean_ms"][k], "deviation_ms": one[what]["deviation_ms"][k],
+        }
+        for net in times["nets"]
+        for name, one in net["algorithms"].items()
+        if one is not None
+        for what in ("update", "inference")
+        for k, samples in enumerate(times["samples"])
+    ]  # fmt: skip
