@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import trial_start
-from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
+from kinemimic.evaluate.simulate.effects import Effects, weights
 from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView, Score
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
@@ -27,10 +27,10 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
+from kinemimic.evaluate.simulate.obstacles import Obstacles, thrown_by
 from kinemimic.evaluate.simulate.score_window import ScoreWindow
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -39,16 +39,15 @@ from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import node_rotations
-from kinemimic.train.scenario.event_schedule import draw_event_schedule, slope_tilt, with_states
+from kinemimic.train.scenario.event_schedule import draw_event_schedule, slope_tilt
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
+from kinemimic.train.sim.world import CONTROL_RATE, BodyStates
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
 LYING = 2 * CONTROL_RATE  # control steps on the ground before an automatic restart
-MAX_OBSTACLES = 20
 
 
 class Session:
@@ -74,10 +73,9 @@ class Session:
         self._ground = Ground()
         self._effects = Effects()
         self._window = ScoreWindow()
-        self._obstacles: list[Obstacle] = []  # of a person
-        self._first = 0  # number of the first obstacle that is there; the others follow
         self._seed, self._start = 0, 0.0  # of the trial
         self._batch = self._opened(None, self._reference(None))
+        self._obstacles = Obstacles(self._batch)
         self._reset(0.0)
 
     def _opened(self, scenario: Scenario | None, reference: Reference) -> ImitationBatch:
@@ -103,27 +101,29 @@ class Session:
         """Actions (1, 42) for the observation."""
         return policy_actions(self.policy, self._observation)
 
+    def _scenario(self, name: str) -> Scenario:
+        if self._scenario_named is None:
+            raise KinemimicError("expected no scenario: this session knows none")
+        return self._scenario_named(name)
+
     def _enter(self, scenario: Scenario | None, number: int) -> None:
         """Begin a trial of a scenario, the one that `view` shows, or go on without one."""
         seed, phase = (0, 0.0) if scenario is None else trial_start(self.motion, scenario, 0, number)
         reference = self._reference(scenario)
         _require_places(scenario, reference, phase, seed)
         batch = self._opened(scenario, reference)
-        self._first += len(self.present())
         self._batch.world.close()
-        self._batch, self._obstacles, self._seed, self._start = batch, [], seed, phase
+        self._obstacles = Obstacles(batch, first=self._obstacles.numbers.stop)
+        self._batch, self._seed, self._start = batch, seed, phase
         self._window.clear()
         self._reset(phase)
 
     def _reset(self, phase: float) -> None:
-        """Put the humanoid onto its reference; pushes end, and obstacles of a person are removed."""
+        """Put the humanoid onto its reference; pushes end, and thrown obstacles are removed."""
         batch, scenario = self._batch, self._batch.config.scenario
         _require_places(scenario, batch.reference, phase, self._seed)
-        self._first += len(self.present())
         self._effects = Effects(carried=self._effects.carried)
-        if scenario is None:
-            self._obstacles = []
-            batch.world.place(0, [])
+        self._obstacles.clear()
         seeds = None if scenario is None else np.array([self._seed], dtype=np.uint64)
         ground = self._ground if scenario is None else Ground()
         sample = replace(RandomizationSample.nominal(1), friction=np.array([ground.friction]))
@@ -148,9 +148,8 @@ class Session:
     def _set_friction(self) -> None:
         """The engine changes friction with a reset only: one onto the state that it has."""
         batch = self._batch
-        self._obstacles = with_states(self._obstacles, batch.world.obstacles(0))
-        batch.restore({**batch.snapshot(), "friction": np.array([self._ground.friction])})
-        batch.world.place(0, self._obstacles)
+        with self._obstacles.kept():
+            batch.restore({**batch.snapshot(), "friction": np.array([self._ground.friction])})
         self._observation = batch.observe()
 
     @property
@@ -171,19 +170,14 @@ class Session:
             self._reset(event.phase)
             self._window.clear()
         elif isinstance(event, Enter):
-            if self._scenario_named is None and event.scenario:
-                raise KinemimicError("expected no scenario: this session knows none")
-            named = self._scenario_named
-            self._enter(named(event.scenario) if named and event.scenario else None, event.trial)
+            self._enter(self._scenario(event.scenario) if event.scenario else None, event.trial)
         elif isinstance(event, Ground):
             self._set_ground(event)
         elif isinstance(event, Clear):
             self._effects = Effects(carried=self._effects.carried)
             self._outside = np.zeros((len(BODIES), 6))
             if self._batch.config.scenario is None:  # its own obstacles stay
-                self._first += len(self._obstacles)
-                self._obstacles = []
-                self._batch.world.place(0, [])
+                self._obstacles.clear()
         elif isinstance(event, Drag | Release | Push | Carry):
             self._effects.apply(event, self._batch.bodies)
         else:
@@ -191,7 +185,7 @@ class Session:
 
     def _set_ground(self, ground: Ground) -> None:
         self._require_free()
-        if ground.slope and any(item.mass > 0.0 for item in self._obstacles):
+        if ground.slope and self._obstacles.can_move:
             raise KinemimicError("expected no slope where an obstacle can move: remove the obstacles first")
         self._ground = ground
         self._set_friction()
@@ -203,20 +197,7 @@ class Session:
             raise KinemimicError(
                 "expected no obstacle that can move where the ground has a slope: set the slope to 0 first"
             )
-        batch = self._batch
-        turn, below = heading_turn(batch.bodies), batch.bodies.positions[0, 0] * [1.0, 1.0, 0.0]
-        obstacle = Obstacle(
-            shape=event.shape,
-            size=event.size,
-            position=tuple((below + rotate(turn, np.array(event.position))).tolist()),
-            rotation=tuple(turn.tolist()),
-            mass=event.mass,
-            velocity=tuple(rotate(turn, np.array(event.velocity)).tolist()),
-        )
-        obstacles = [*with_states(self._obstacles, batch.world.obstacles(0)), obstacle]
-        self._first += max(0, len(obstacles) - MAX_OBSTACLES)
-        self._obstacles = obstacles[-MAX_OBSTACLES:]
-        batch.world.place(0, self._obstacles)
+        self._obstacles.throw(thrown_by(event, self._batch.bodies))
 
     def _require_free(self) -> None:
         if self._batch.config.scenario is not None:
@@ -255,7 +236,6 @@ class Session:
             {name: float(curve[0]) for name, curve in joint_angles(rotations[None]).items()}
             for rotations in (moved, wanted)
         )
-        obstacles = tuple(self.present())
         return Frame(
             step=self.step_count,
             phase=float(batch.phases[0]),
@@ -267,9 +247,9 @@ class Session:
             tilt=self._tilt + batch.scheduled_tilt(0),
             drag=drag,
             dragged=self._effects.dragged,
-            obstacles=obstacles,
+            obstacles=tuple(self._obstacles.present),
             states=batch.world.obstacles(0).copy(),
-            numbers=tuple(range(self._first, self._first + len(obstacles))),
+            numbers=tuple(self._obstacles.numbers),
             rotations=moved,
             reference_rotations=wanted,
             angles=angles,
@@ -278,11 +258,6 @@ class Session:
             fallen=self._fallen_for > 0,
             shown=self.shown,
         )
-
-    def present(self) -> list[Obstacle]:
-        """The obstacles that are there, a scenario's or a person's."""
-        scheduled = self._batch.scheduled_obstacles(0)
-        return self._obstacles if scheduled is None else scheduled
 
     def score(self) -> Score | None:
         """Of the last ten seconds since a person's last restart; None in the first of them."""

@@ -26,9 +26,10 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
+from kinemimic.evaluate.simulate.obstacles import MAX_OBSTACLES
 from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
 from kinemimic.evaluate.simulate.replay import replay_summary
-from kinemimic.evaluate.simulate.session import LYING, MAX_OBSTACLES, Session
+from kinemimic.evaluate.simulate.session import LYING, Session
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import rotate
