@@ -17,6 +17,7 @@ from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, 
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
+from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.cyclic import FRAME_RATE
 from kinemimic.retarget.feet.balance import EDGE, upright
@@ -82,61 +83,106 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt, *, balance: bool = False) -> Non
 
     balance: turn it further, until a simulated body can stand as it leans.
     """
-    frames, p, bout = excerpt.frames, excerpt.positions, excerpt.bout
-    if len(frames) < 2:
-        raise KinemimicError(
-            f"retarget: expected at least 2 frames in a pass, found {len(frames)}; make a longer recording"
-        )
+    frames, positions = excerpt.frames, excerpt.positions
+    _require_legs(positions)
     times = clip.times[frames] - clip.times[frames[0]]
-    bones = leg_bones(p)
-    if np.isfinite(bones).all(axis=1).sum() < 2:
-        raise KinemimicError("retarget: expected both legs in at least 2 frames, found them in fewer")
-    scale = length_scale(p)
     count = max(2, int(times[-1] * FRAME_RATE + 1e-2) + 1)
     grid = np.arange(count) / FRAME_RATE
-    weights = _weights(p, clip.states[frames])
-    if bout is not None:
-        # Walking backward is walking forward in reversed time.
-        forward = -bout.phase if bout.backward else bout.phase
-        reliability = assess_reliability(_strides(clip, excerpt, forward, weights))
+    weights = _weights(positions, clip.states[frames])
+    scale = length_scale(positions)
+    if excerpt.bout is not None:
+        body = _walk_on_body(excerpt, excerpt.bout, weights, times, grid, scale)
+        positions = rotate(from_axis_angle("Z", excerpt.yaw)[:, None], positions)
     else:
-        rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
-        contacts = _recorded_contacts(p, times, grid, scale, rigid)
-        reliability = _reliability(p, rigid, contacts[_nearest_frames(times, count)], weights)
-    rotations = _resampled(local_rotations(reliable_frames(p, reliability)), times, grid)
-    if not reliability.precise:
-        rotations = limit_knee_extension(rotations)
-    middle = place(p, "hips")
-    seen = np.isfinite(middle).all(axis=-1)
-    root, lean = scale * _interpolate(grid, times[seen], middle[seen]), 0.0
-    if bout is not None:
-        phase = np.interp(grid, times, forward)
-        if not reliability.feet:
-            rotations = neutral_feet(rotations, phase)
-        rotations, _ = with_stance_width(rotations, scale * stance_width(p))
-        root, contacts = _root_over_ground(rotations, root, phase)
-        yaw = np.interp(grid, times, excerpt.yaw)
-        rotations, root = with_turns(rotations, root, yaw)
-        p = rotate(from_axis_angle("Z", excerpt.yaw)[:, None], p)
-    else:
-        if not reliability.feet:
-            rotations = flat_feet(rotations)
         edge = EDGE if balance else 0.0
-        rotations, root, lean = upright(rotations, root, contacts, FRAME_RATE, edge)
+        body = _motion_on_body(positions, weights, times, grid, scale, edge)
+    root = body.root.copy()
     root[:, :2] -= root[0, :2]
-    root[:, 2] -= _ground_height(*body_kinematics(rotations, root), contacts)
-    motion = Motion(FRAME_RATE, root, continuous(rotations), contacts, cyclic=False)
+    root[:, 2] -= _ground_height(*body_kinematics(body.rotations, root), body.contacts)
+    motion = Motion(FRAME_RATE, root, continuous(body.rotations), body.contacts, cyclic=False)
     return NonCyclicFit(
         motion,
-        reliability,
+        body.reliability,
         frames,
-        positions=p,
+        positions=positions,
         phase=np.minimum(times / motion.duration, 1.0),
         seen=_visibility(weights, times, grid),
         scale=scale,
-        strides=None if bout is None else float(np.ptp(bout.phase)),
-        lean=lean,
+        strides=None if excerpt.bout is None else float(np.ptp(excerpt.bout.phase)),
+        lean=body.lean,
     )
+
+
+def _require_legs(positions: Array) -> None:
+    """KinemimicError unless positions (M, 20, 3) show both legs in two frames."""
+    if len(positions) < 2:
+        raise KinemimicError(
+            f"retarget: expected at least 2 frames in a pass, found {len(positions)}; make a longer recording"
+        )
+    if np.isfinite(leg_bones(positions)).all(axis=1).sum() < 2:
+        raise KinemimicError("retarget: expected both legs in at least 2 frames, found them in fewer")
+
+
+@dataclass(frozen=True)
+class _OnBody:
+    """T resampled frames on the body: local rotations (T, 20, 4), root (T, 3), contacts (T, 2); lean as in
+    `NonCyclicFit`."""
+
+    reliability: SensorReliability
+    rotations: Array
+    root: Array
+    contacts: Mask
+    lean: float = 0.0
+
+
+def _walk_on_body(
+    excerpt: Excerpt, bout: Bout, weights: Array, times: Array, grid: Array, scale: float
+) -> _OnBody:
+    """A bout of walking: unreliable feet are neutral, and feet in contact do not slide."""
+    positions = excerpt.positions
+    # Walking backward is walking forward in reversed time.
+    forward = -bout.phase if bout.backward else bout.phase
+    reliability = assess_reliability(_strides(excerpt, forward, weights, times))
+    rotations = _body_rotations(positions, reliability, times, grid)
+    phase = np.interp(grid, times, forward)
+    if not reliability.feet:
+        rotations = neutral_feet(rotations, phase)
+    rotations, _ = with_stance_width(rotations, scale * stance_width(positions))
+    root, contacts = _root_over_ground(rotations, scale * _hips(positions, times, grid), phase)
+    rotations, root = with_turns(rotations, root, np.interp(grid, times, excerpt.yaw))
+    return _OnBody(reliability, rotations, root, contacts)
+
+
+def _motion_on_body(
+    positions: Array, weights: Array, times: Array, grid: Array, scale: float, edge: float
+) -> _OnBody:
+    """A motion without strides: unreliable feet are flat, and the body is turned upright if it has to be.
+
+    edge: as for `balance.upright`.
+    """
+    bones = leg_bones(positions)
+    rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
+    contacts = _recorded_contacts(positions, times, grid, scale, rigid)
+    reliability = _reliability(positions, rigid, contacts[_nearest_frames(times, len(grid))], weights)
+    rotations = _body_rotations(positions, reliability, times, grid)
+    if not reliability.feet:
+        rotations = flat_feet(rotations)
+    root = scale * _hips(positions, times, grid)
+    rotations, root, lean = upright(rotations, root, contacts, FRAME_RATE, edge)
+    return _OnBody(reliability, rotations, root, contacts, lean)
+
+
+def _body_rotations(positions: Array, reliability: SensorReliability, times: Array, grid: Array) -> Array:
+    """Local rotations (T, 20, 4) at times `grid` (T,) from recorded positions (M, 20, 3) at `times` (M,)."""
+    rotations = _resampled(local_rotations(reliable_frames(positions, reliability)), times, grid)
+    return rotations if reliability.precise else limit_knee_extension(rotations)
+
+
+def _hips(positions: Array, times: Array, grid: Array) -> Array:
+    """The middle of the hips (T, 3) at times `grid` (T,) from recorded positions (M, 20, 3)."""
+    middle = place(positions, "hips")
+    seen = np.isfinite(middle).all(axis=-1)
+    return _interpolate(grid, times[seen], middle[seen])
 
 
 def _resampled(rotations: Array, times: Array, grid: Array) -> Array:
@@ -163,11 +209,11 @@ def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:
     return np.asarray(STATE_WEIGHTS[np.where(np.isfinite(positions).all(axis=-1), states, 0)])
 
 
-def _strides(clip: Clip, excerpt: Excerpt, phase: Array, weights: Array) -> PooledFrames:
+def _strides(excerpt: Excerpt, phase: Array, weights: Array, times: Array) -> PooledFrames:
     return PooledFrames(
         phase=phase,
         group=np.zeros(len(phase), dtype=np.intp),
-        times=clip.times[excerpt.frames] - clip.times[excerpt.frames[0]],
+        times=times,
         positions=excerpt.positions,
         weights=weights,
         frames=excerpt.frames,
