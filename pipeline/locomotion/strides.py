@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.path.heading import along_heading
 from kinemimic.pipeline.locomotion.phase.fourier import design
 from kinemimic.pipeline.locomotion.phase.frames import frames_between
@@ -31,6 +30,7 @@ MIN_ALTERNATION = 0.65
 MAX_SIDEWAYS = np.radians(50.0)  # between the line along which the feet part and the front of the body
 # Of the heading within a stride that a depth sensor shows: it loses the legs of a person who turns round.
 MAX_TURN = np.radians(120.0)
+MIN_FRAMES = 6  # by which a stride can be judged
 MIN_SHARE_OF_STRIDE = 0.1  # a shorter part at the edge of a pass is left to the stride beside it
 
 
@@ -80,29 +80,52 @@ def cut_strides(
     transitions: the half strides next to standing, which become strides of their own.
     """
     hips = place(positions, "hips")
-    ankles = [along_heading(positions[:, N[f"ankle_{side}"]] - hips, heading)[:, 0] for side in SIDES]
+    left, right = (
+        along_heading(positions[:, N[f"ankle_{side}"]] - hips, heading)[:, 0] for side in ("left", "right")
+    )
     trunk = positions[:, N["shoulder_center"]] - hips
     lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
+    curves = _Curves(times, phase, heading, left, right, lean, facing)
     found = []
     for start, end in pairwise(_edges(phase, transitions)):
         transition = kind_of(start, end, transitions)
         around = (start, end) if transition else steady_span(start, end, phase, transitions)
         inside = frames_between(phase, *judged_span(start, end, around))
-        if inside.stop - inside.start < 6:
-            continue
-        first, last = np.interp([start, end], phase, times)
-        r2, amplitude, mean = _harmonic(phase[inside], ankles[1][inside] - ankles[0][inside])
-        apart, together = (
-            np.var(ankles[1][inside] - ankles[0][inside]),
-            np.var(ankles[1][inside] + ankles[0][inside]),
-        )
-        mine = frames_between(phase, start, end)
-        turn = float(np.ptp(heading[mine])) if mine.stop > mine.start else 0.0
+        if inside.stop - inside.start >= MIN_FRAMES:
+            standing = is_standing(start, end, transitions)
+            found.append(curves.stride(start, end, inside, transition=transition, standing=standing))
+    return found
+
+
+@dataclass(frozen=True)
+class _Curves:
+    """What strides are judged by, each (T,) over the frames of a pass.
+
+    times: seconds; phase: cycles; heading, facing: radians, as for `cut_strides`; left, right: metres of the
+    ankle ahead of the hips; lean: radians of the trunk.
+    """
+
+    times: Array
+    phase: Array
+    heading: Array
+    left: Array
+    right: Array
+    lean: Array
+    facing: Array | None
+
+    def stride(self, start: float, end: float, inside: slice, *, transition: str, standing: bool) -> Stride:
+        """The stride from phase `start` to `end`, judged by the frames `inside`."""
+        left, right = self.left[inside], self.right[inside]
+        apart, together = np.var(right - left), np.var(right + left)
+        r2, amplitude, mean = _harmonic(self.phase[inside], right - left)
+        first, last = np.interp([start, end], self.phase, self.times)
         period = float((last - first) / (end - start))
-        leaning = lean[inside][np.isfinite(lean[inside])]
+        own = frames_between(self.phase, start, end)
+        turn = float(np.ptp(self.heading[own])) if own.stop > own.start else 0.0
+        lean = self.lean[inside][np.isfinite(self.lean[inside])]
         regular = (
             not transition
-            and not is_standing(start, end, transitions)
+            and not standing
             and PERIODS[0] <= period <= PERIODS[1]
             and r2 >= MIN_R2
             and amplitude >= MIN_AMPLITUDE
@@ -110,26 +133,22 @@ def cut_strides(
         why = _why_no_walk(
             passing=amplitude >= abs(mean),
             alternation=float(apart / np.maximum(apart + together, 1e-12)),
-            turn=turn if facing is None else 0.0,
-            sideways=0.0 if facing is None else float(np.median(facing[inside])),
-            lean=float(np.percentile(leaning, 90.0)) if len(leaning) else 0.0,
+            turn=turn if self.facing is None else 0.0,
+            sideways=0.0 if self.facing is None else float(np.median(self.facing[inside])),
+            lean=float(np.percentile(lean, 90.0)) if len(lean) else 0.0,
         )
-        walking = regular and not why
-        found.append(
-            Stride(
-                float(start),
-                float(end),
-                (float(first), float(last)),
-                period,
-                r2,
-                amplitude,
-                turn,
-                bool(walking),
-                transition,
-                why=why if regular else "",
-            )
+        return Stride(
+            float(start),
+            float(end),
+            (float(first), float(last)),
+            period,
+            r2,
+            amplitude,
+            turn,
+            bool(regular and not why),
+            transition,
+            why=why if regular else "",
         )
-    return found
 
 
 def _why_no_walk(*, passing: bool, alternation: float, turn: float, sideways: float, lean: float) -> str:
