@@ -46,6 +46,8 @@ _MODULES: tuple[str, ...] = (
     "segments.mvnx",
     "public_datasets.andersson",
     "public_datasets.ntu_rgbd",
+    "public_datasets.msr_daily_activity",
+    "public_datasets.cad",
     "kinect.kinect2bvh_dump",
     "mocap.asf_amc",
     "mocap.mot",

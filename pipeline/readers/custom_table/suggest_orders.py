@@ -12,6 +12,7 @@ from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
+from kinemimic.pipeline.readers.public_datasets.cad import CAD_JOINTS
 from kinemimic.pipeline.readers.public_datasets.msr_action3d import MSR_JOINTS
 
 ORDERS: dict[str, tuple[str, ...]] = {
@@ -30,11 +31,7 @@ ORDERS: dict[str, tuple[str, ...]] = {
         "wrist_left", "wrist_right", "spine", "hip_left", "hip_right", "knee_left", "knee_right",
         "ankle_left", "ankle_right",
     ),
-    "OpenNI": (
-        "head", "shoulder_center", "spine", "shoulder_left", "elbow_left", "shoulder_right", "elbow_right",
-        "hip_left", "knee_left", "hip_right", "knee_right", "wrist_left", "wrist_right", "ankle_left",
-        "ankle_right",
-    ),
+    "OpenNI": CAD_JOINTS,
     "OpenNI, limb by limb": (
         "head", "shoulder_center", "spine", "shoulder_left", "elbow_left", "wrist_left", "shoulder_right",
         "elbow_right", "wrist_right", "hip_left", "knee_left", "ankle_left", "hip_right", "knee_right",

@@ -34,7 +34,7 @@ class Sheet:
     separator: as in a description; header, first: line numbers from 1 (header 0: none); names: (w,) of the
     columns, or empty; values: (R, w) of the first rows, NaN where there is no number; words: the cells of the
     columns that hold words; marks: marks of missing values, as TOML values; comment: the mark of lines to
-    skip, or "".
+    skip, or ""; even: no line of another width is among the first rows.
     """
 
     separator: str
@@ -46,6 +46,7 @@ class Sheet:
     words: dict[int, tuple[str, ...]]
     marks: tuple[str, ...]
     comment: str
+    even: bool
 
     @property
     def width(self) -> int:
@@ -65,8 +66,8 @@ def sheet_of(source: Source) -> Sheet:
     )
     if width < 3:
         raise source.error(expected="a table of numbers", found="other lines")
-    rows = [(number, _split(text, separator)) for number, text in filled]
-    rows = [(number, fields) for number, fields in rows if len(fields) == width]
+    split = [(number, _split(text, separator)) for number, text in filled]
+    rows = [(number, fields) for number, fields in split if len(fields) == width]
     decimal = _decimal(rows, separator)
     starts = [k for k, (_, fields) in enumerate(rows) if _numeric(fields, decimal)]
     # A row of data is followed by another one, unlike a line of numbers above the header.
@@ -84,8 +85,11 @@ def sheet_of(source: Source) -> Sheet:
     cells = [fields for _, fields in rows[first_row : first_row + _MAX_ROWS]]
     values, words, marks = _parse_cells(cells, decimal)
     later = comment and any(text.startswith(comment) for n, text in lines if n > rows[first_row][0])
+    first = rows[first_row][0]
+    # The last line may be cut off.
+    even = all(len(fields) == width for number, fields in split[:-1] if number > first)
     return Sheet(
-        separator, decimal, header, rows[first_row][0], names, values, words, marks, comment if later else ""
+        separator, decimal, header, first, names, values, words, marks, comment if later else "", even
     )
 
 

@@ -105,6 +105,8 @@ def _layout(source: Source) -> tuple[Sheet, Layout] | None:
     layout = layout_of(sheet)
     if layout is None or not _is_certain(layout):
         return None
+    if layout.long and layout.numbered and not sheet.even:  # lines of counts: rows of another format
+        return None
     words = {word for one in layout.columns for column in one.state for word in sheet.words.get(column, ())}
     state: dict[str, tuple[int, ...]] = {} if _plain(words) <= _STATES else {"state": ()}
     columns = tuple(replace(one, quaternion=(), euler=(), **state) for one in layout.columns)
