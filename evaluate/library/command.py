@@ -79,25 +79,15 @@ def library(
         for row, motion in zip(accepted, motions, strict=True)
     ]
     made = made_variants(motions, entries, variants, exercises, seed, jobs)
-    config = {
-        "subject": subject,
-        "test": sorted(test),
-        "variants": variants,
-        "exercises": exercises,
-        **options,
-    }
+    config = {"subject": subject, "test": sorted(test), "variants": variants, "exercises": exercises}
+    inputs = {row["file"]: row["sha256"] for row in accepted if row["sha256"]}
     described = {
         "subject": subject,
         "splits": _splits(entries),
         "variants": dict(Counter(entry.kind for _, entry in made)),
         "refused": {row["file"]: row["reason"] for row in rows if row["status"] != ACCEPTED},
         "motions": _origins(accepted, motions, [motion for motion, _ in made]),
-        "provenance": provenance(
-            "library",
-            inputs={row["file"]: row["sha256"] for row in accepted if row["sha256"]},
-            config=config,
-            seed=seed,
-        ),
+        "provenance": provenance("library", inputs=inputs, config={**config, **options}, seed=seed),
     }
     motions += [motion for motion, _ in made]
     entries += [entry for _, entry in made]

@@ -131,9 +131,37 @@ def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
 def table(scores: dict[str, Any], run: Path) -> RenderableType:
     """The scores as text for a terminal: the verdict, then medians over the start phases."""
     found = verdict(scores, run_flag(run))
-    fit, nothing = scores["fit"]["phases"], scores["no_policy"]["fit"]["phases"]
+    return Group(
+        Text(found.headline, style=STYLES[found.level]),
+        Text(found.advice),
+        *(Text(line) for line in _summary(scores)),
+        _fit_grid(scores),
+        Text("(*) the paper gives no formula"),
+        *(Text(line) for line in _comparisons(scores)),
+        Text(f"report: {run / 'report.html'}"),
+    )
+
+
+def _summary(scores: dict[str, Any]) -> list[str]:
+    """Survival, speed, path, torques and errors of all joints, in lines."""
     survived, alone = scores["survival"], scores["no_policy"]["survival"]
     root, torque = scores["root"]["phases"], scores["torque"]
+    lines = ["SIMULATED CAPTURE (virtual Kinect)"] if scores["capture"]["simulated"] else []
+    lines += [
+        f"{_over(survived['phases_of'])}: upright for {survived['frames_median']:.0f} of "
+        f"{survived['of']} frames (no policy: {alone['frames_median']:.0f}), no fall from "
+        f"{survived['phases']} of {plural(survived['phases_of'], 'phase')} (no policy: {alone['phases']})",
+        f"speed relative to the reference {number(median(root['speed_ratio']), 3)}, final distance "
+        f"{number(median(root['path_error_m']), 2)} m; largest torque about one axis "
+        f"{number(torque['peak'], 0)} of {number(torque['limit'], 0)} N·m ({torque['joint']})",
+        tracking_line(scores["tracking"]),
+    ]
+    return lines
+
+
+def _fit_grid(scores: dict[str, Any]) -> Table:
+    """The fit of knee and hip, with and without the policy, and in the paper."""
+    fit, nothing = scores["fit"]["phases"], scores["no_policy"]["fit"]["phases"]
     grid = Table("", header_style="bold", box=None, pad_edge=False)
     for column in ("knee", "no policy", "paper", "hip", "no policy", "paper"):
         grid.add_column(column, justify="right", style=None if column in SCORED_JOINTS else "dim")
@@ -145,18 +173,12 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
             cells += [number(of[joint][measure]["median"], digits) for of in (fit, nothing)] + [paper]
         grid.add_row(label, *cells)
     grid.add_row("fitting degree (*)", "", "", f"{PAPER_FIT['knee']:.3f}", "", "", f"{PAPER_FIT['hip']:.3f}")
-    lines = [
-        f"{_over(survived['phases_of'])}: upright for {survived['frames_median']:.0f} of "
-        f"{survived['of']} frames (no policy: {alone['frames_median']:.0f}), no fall from "
-        f"{survived['phases']} of {plural(survived['phases_of'], 'phase')} (no policy: {alone['phases']})",
-        f"speed relative to the reference {number(median(root['speed_ratio']), 3)}, final distance "
-        f"{number(median(root['path_error_m']), 2)} m; largest torque about one axis "
-        f"{number(torque['peak'], 0)} of {number(torque['limit'], 0)} N·m ({torque['joint']})",
-    ]
-    lines.append(tracking_line(scores["tracking"]))
-    below = ["(*) the paper gives no formula"]
-    if scores["capture"]["simulated"]:
-        lines.insert(0, "SIMULATED CAPTURE (virtual Kinect)")
+    return grid
+
+
+def _comparisons(scores: dict[str, Any]) -> list[str]:
+    """The fit against the capture and against the true motion, where they are known, in lines."""
+    lines: list[str] = []
     if scores["fit_capture"] is not None:
         of = scores["fit_capture"]
         for part, what in (
@@ -165,22 +187,15 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
             (of["adjusted"], "the motion's frames, pelvis and knees adjusted"),
         ):
             r2 = [number(part["phases"][joint]["r2_upright"]["median"], 3) for joint in SCORED_JOINTS]
-            below.append(f"R², upright, against {what} ({part['frames']:,}): {r2[0]} knee, {r2[1]} hip")
-        below += adjusted(scores)
+            lines.append(f"R², upright, against {what} ({part['frames']:,}): {r2[0]} knee, {r2[1]} hip")
+        lines += adjusted(scores)
     if scores["truth"] is not None:
-        below += [
+        lines += [
             f"RMSE from the true motion, {joint}: "
             + ", ".join(f"{who} {number(of[joint]['rmse_deg'], 2)}°" for who, of in scores["truth"].items())
             for joint in SCORED_JOINTS
         ]
-    below.append(f"report: {run / 'report.html'}")
-    return Group(
-        Text(found.headline, style=STYLES[found.level]),
-        Text(found.advice),
-        *(Text(line) for line in lines),
-        grid,
-        *(Text(line) for line in below),
-    )
+    return lines
 
 
 def _over(phases: int) -> str:

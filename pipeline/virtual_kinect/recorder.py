@@ -135,27 +135,21 @@ def record_virtual(
         )
         for number, one in enumerate(passes)
     ]
+    config = {
+        "speed": speed,
+        "variability": asdict(varying),
+        "sensor": sensor,
+        "placement": asdict(placement),
+        "levels": asdict(levels),
+        "rate": RATE,
+        "passes": len(passes),
+    }
+    made = provenance("virtual", inputs={source.name: file_hash(source)}, config=config, seed=seed)
     note = {
         "simulated": True,
         "sensor": "virtual Kinect v1",
         "motion": motion,
-        "virtual_kinect": {
-            **provenance(
-                "virtual",
-                inputs={source.name: file_hash(source)},
-                config={
-                    "speed": speed,
-                    "variability": asdict(varying),
-                    "sensor": sensor,
-                    "placement": asdict(placement),
-                    "levels": asdict(levels),
-                    "rate": RATE,
-                    "passes": len(passes),
-                },
-                seed=seed,
-            ),
-            **_walked(truths),
-        },
+        "virtual_kinect": {**made, **_walked(truths)},
     }
     name = f"kinect_{motion}" if sensor == "fixed" else f"kinect_{motion}_{sensor}"
     skl, euler = folder / f"{name}.skl", folder / f"{name}_euler.bvh"

@@ -150,13 +150,47 @@ def variant(
     period = loops[first].duration * slower
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
-    rotations, sway, own = _series(loops[first], phase)
+    rotations, sway, own_speed = _mixed(loops, first, phase, random)
+    rotations = _restyled(rotations, phase, stride, spread, random)
+    rotations = abduct(limit_knee_extension(rotations), random.normal(0.0, spread * WIDTH))
+    if random.random() < DEPTH_SENSOR:
+        rotations = neutral_feet(rotations, phase)
+    # In flight the body falls freely: how far grows with the square of the time.
+    sway = sway * [1.0, random.uniform(*SWAY), slower**2 if kind == "run" else 1.0]
+    path = fit_root_path(rotations, sway, own_speed * stride / slower, period)
+    return refine(
+        Motion(
+            rate=frames / period,
+            root=path.root - path.root[0] * [1.0, 1.0, 0.0],
+            rotations=continuous(rotations),
+            contacts=path.contacts,
+            cyclic=True,
+            cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
+        )
+    )
+
+
+def _mixed(
+    loops: Sequence[Motion], first: int, phase: Array, random: np.random.Generator
+) -> tuple[Array, Array, float]:
+    """`_series` of loop number `first`, often mixed with that of another of `loops`."""
+    rotations, sway, speed = _series(loops[first], phase)
     if len(loops) > 1 and random.random() < SECOND_LOOP:
-        other, other_sway, its_own = _series(loops[int(random.integers(len(loops)))], phase)
+        other, other_sway, other_speed = _series(loops[int(random.integers(len(loops)))], phase)
         share = random.uniform(0.0, MIX)
         rotations = _towards(rotations, other, share)
         sway = sway + share * (other_sway - sway)
-        own += share * (its_own - own)
+        speed += share * (other_speed - speed)
+    return rotations, sway, speed
+
+
+def _restyled(
+    rotations: Array, phase: Array, stride: float, spread: float, random: np.random.Generator
+) -> Array:
+    """Rotations (T, 20, 4) with other means and amplitudes of the joints, and other arms, within the limits.
+
+    stride: factor on the flexion of hips and knees; spread: factor on the other changes.
+    """
     gains, offsets = _draw(random)
     # The amplitudes decide what forces a gait needs, more than its posture does.
     near = spread * random.random()
@@ -170,31 +204,16 @@ def variant(
         mean[_ARMS], moving[_ARMS] = IDENTITY, False
         about[:, _ARMS] = 0.0
     if random.random() < SYMMETRIC:
-        about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
+        about = 0.5 * (about + np.roll(about, -(len(phase) // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
         mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
     about = gains * about + near * random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
     if not armless and random.random() < HELD:
         _hold_arms(mean, about, random)
     mean = multiply(mean, from_rotvec(offsets * moving))
-    rotations = normalize(multiply(np.broadcast_to(mean, rotations.shape), from_rotvec(about)))
+    changed = normalize(multiply(np.broadcast_to(mean, rotations.shape), from_rotvec(about)))
     for joint in LIMITS:
-        rotations[:, NODE_INDEX[joint]] = clamp_to_limits(joint, rotations[:, NODE_INDEX[joint]])
-    rotations = abduct(limit_knee_extension(rotations), random.normal(0.0, spread * WIDTH))
-    if random.random() < DEPTH_SENSOR:
-        rotations = neutral_feet(rotations, phase)
-    # In flight the body falls freely: how far grows with the square of the time.
-    sway = sway * [1.0, random.uniform(*SWAY), slower**2 if kind == "run" else 1.0]
-    path = fit_root_path(rotations, sway, own * stride / slower, period)
-    return refine(
-        Motion(
-            rate=frames / period,
-            root=path.root - path.root[0] * [1.0, 1.0, 0.0],
-            rotations=continuous(rotations),
-            contacts=path.contacts,
-            cyclic=True,
-            cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
-        )
-    )
+        changed[:, NODE_INDEX[joint]] = clamp_to_limits(joint, changed[:, NODE_INDEX[joint]])
+    return changed
 
 
 def _tempo(loop: Motion, random: np.random.Generator, kind: str, speed: float) -> tuple[float, float]:
@@ -273,7 +292,7 @@ def _series(motion: Motion, phase: Array) -> tuple[Array, Array, float]:
 
 
 def _towards(rotations: Array, other: Array, share: float) -> Array:
-    """Rotations (..., 4) turned by a share of the way to others."""
+    """Rotations (..., 4) turned towards others by a share of the angle between them."""
     return normalize(
         multiply(rotations, from_rotvec(share * to_rotvec(multiply(conjugate(rotations), other))))
     )
