@@ -1,12 +1,12 @@
 """AMASS, and motions of the SMPL family (SMPL, SMPL+H, SMPL-X) in its layout: an .npz of axis-angle vectors.
 
 poses (T, 72, 156 or 165): three numbers for each joint's rotation relative to its parent, the body's 22
-joints first in all of them; or root_orient (T, 3) and pose_body (T, 63). trans (T, 3): the path in metres.
-Other names and shapes of these arrays: smpl_arrays.py. mocap_framerate, fps …: Hz. The body model that gives
-these joints their places has its own licence and is not needed: lengths are those of an average man or woman
-(Drillis & Contini 1966, as in `proportions`; statures: Fryar et al. 2016), the directions of the bones at
-rest are the format's own. The angles do not depend on the lengths. Fingers, face and soft tissue are left
-out.
+joints first in all of them; or root_orient (T, 3) and pose_body (T, 63). trans (T, 3): the path in metres
+(in another unit: path_unit.py). Other names and shapes of these arrays: smpl_arrays.py. mocap_framerate, fps
+…: Hz. The body model that gives these joints their places has its own licence and is not needed: lengths are
+those of an average man or woman (Drillis & Contini 1966, as in `proportions`; statures: Fryar et al. 2016),
+the directions of the bones at rest are the format's own. The angles do not depend on the lengths. Fingers,
+face and soft tissue are left out.
 """
 
 from __future__ import annotations
@@ -36,13 +36,14 @@ from kinemimic.pipeline.kinematics.rotations import (
     multiply,
     rotate,
 )
-from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import SIDES, TRACKED, Skeleton
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote
 from kinemimic.pipeline.readers.base.npz import array_names, array_shapes, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.segments.path_unit import path_unit
 from kinemimic.pipeline.readers.segments.smpl_arrays import numbers, smpl_arrays, turns
 
 FORMAT = Format(
@@ -87,6 +88,7 @@ _REST: tuple[tuple[str, str, float, tuple[float, float, float]], ...] = (
     ("right_wrist", "right_elbow", FOREARM, (-0.999, 0.036, -0.005)),
 )
 JOINTS: tuple[str, ...] = tuple(name for name, *_ in _REST)
+_FEET = [JOINTS.index(f"{side}_foot") for side in SIDES]
 _HIGHEST_RATE = 1000.0
 # Radians of an axis-angle vector: beyond several turns it is damage.
 _MAX_TURN = 8.0 * np.pi
@@ -112,7 +114,7 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The motion as a clip of 22 joints with rotations, every joint tracked.
+    """The motion as a clip of 22 joints with rotations, every joint tracked. --unit is that of the path.
 
     Raises CaptureError for a damaged archive, arrays of other shapes, and numbers that are not a rotation,
     path or rate.
@@ -145,8 +147,6 @@ def read(source: Source) -> Clip:
                 found=f"{values[tuple(place)]:g}",
                 where=f"frame {int(place[0])}",
             )
-    # The path of a body of three joints, the fewest of which one can tell that it is somewhere else.
-    refuse_remote(np.repeat(trans[:, None], 3, axis=1), (names.path,) * 3, source)
     gender = _gender(arrays)
     rate, notes = _rate(arrays, rates, source)
     notes.append(
@@ -158,11 +158,17 @@ def read(source: Source) -> Clip:
     rotations = continuous(rotations)
     skeleton = smpl_skeleton(STATURES[gender])
     translations = np.broadcast_to(skeleton.offsets, (*turned.shape[:2], 3)).copy()
-    translations[:, 0] = trans
+    translations[:, 0] = 0.0
+    from_pelvis = world_positions(skeleton, translations, rotations, world_from_file)
+    path = rotate(world_from_file, trans)
+    unit = path_unit(path, from_pelvis[:, _FEET], rate, source.unit)
+    translations[:, 0] = unit.metres * trans
+    # The path of a body of three joints, the fewest of which one can tell that it is somewhere else.
+    refuse_remote(np.repeat(translations[:, :1], 3, axis=1), (names.path,) * 3, source, unit=unit.name)
     return Clip(
         skeleton=skeleton,
         times=np.arange(len(turned)) / rate,
-        positions=world_positions(skeleton, translations, rotations, world_from_file),
+        positions=from_pelvis + unit.metres * path[:, None],
         states=np.full(turned.shape[:2], TRACKED, dtype=np.uint8),
         passes=np.zeros(len(turned), dtype=np.int32),
         translations=translations,
@@ -172,7 +178,12 @@ def read(source: Source) -> Clip:
             "format": FORMAT.name,
             "sensor": FORMAT.sensor,
             "reading": reading(
-                units="m", units_rule="the format's", notes=notes, arrays=sorted(arrays), gender=gender
+                units=unit.name,
+                units_rule=unit.rule,
+                defects=unit.defects,
+                notes=notes,
+                arrays=sorted(arrays),
+                gender=gender,
             ),
         },
     )

@@ -106,6 +106,40 @@ def test_a_file_that_is_y_up_stands_upright(tmp_path: Path) -> None:
         assert np.abs(moved).max() < 1e-4
 
 
+@pytest.mark.parametrize(("unit", "metres"), [("centimetres", 0.01), ("millimetres", 0.001)])
+def test_a_path_in_another_unit_is_converted(unit: str, metres: float) -> None:
+    arrays = sample.arrays(120)
+    right = read(arrays)
+    assert not right.provenance["reading"]["defects"]
+    other = {**arrays, "trans": arrays["trans"] / metres}
+    standing = {**other, "poses": np.repeat(arrays["poses"][:1], 120, axis=0)}
+    standing["trans"] = np.repeat(other["trans"][:1], 120, axis=0)
+    for stored, says in ((other, "move at"), (standing, "the pelvis would be")):
+        clip = read(stored)
+        (defect,) = clip.provenance["reading"]["defects"]
+        assert defect["rule"] == "wrong_units"
+        assert f"the path is in {unit}: " in defect["text"]
+        assert says in defect["text"]
+        assert np.abs(clip.positions - right.positions)[0].max() < 1e-9
+        assert clip.translations is not None
+        assert np.abs(clip.translations[:, 0] - metres * stored["trans"]).max() < 1e-12
+    assert np.abs(read(other).positions - right.positions).max() < 1e-9
+
+
+def test_a_walk_high_above_the_origin_is_in_metres() -> None:
+    arrays = sample.arrays(120)
+    clip = read({**arrays, "trans": arrays["trans"] + [0.0, 0.0, 91.0]})
+    assert not clip.provenance["reading"]["defects"]
+
+
+def test_the_unit_of_the_path_by_hand(tmp_path: Path) -> None:
+    arrays = sample.arrays(FRAMES)
+    (tmp_path / "walk.npz").write_bytes(sample.packed({**arrays, "trans": arrays["trans"] / 0.0254}))
+    clip = recognise.read(tmp_path / "walk.npz", unit="inch")
+    assert np.abs(clip.positions - read(arrays).positions).max() < 1e-9
+    assert clip.provenance["reading"]["units_rule"] == "set by --unit"
+
+
 def test_what_is_not_known_is_said() -> None:
     arrays = sample.arrays(FRAMES)
     del arrays["mocap_framerate"], arrays["gender"]
