@@ -137,16 +137,6 @@ def _without_seams(values: Array) -> Array:
     return closed
 
 
-def ground_truth(gait: Gait, elapsed: Array, *, start: Array, heading: float, phase: float) -> GroundTruth:
-    """The motion in a straight line at times (T,) in seconds after passing `start` (2,) at `phase` in
-    cycles."""
-    cycles = phase + elapsed / gait.period
-    root, rotations = gait.pose(cycles)
-    root[:, 0] -= phase * gait.stride
-    root = rotate(from_axis_angle("Z", heading), root) + np.append(start, 0.0)
-    return observed_body(gait.skeleton, root, rotations, np.full(len(cycles), heading), cycles)
-
-
 def observed_body(
     skeleton: Skeleton, root: Array, rotations: Array, heading: Array, phase: Array
 ) -> GroundTruth:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from peers.straight_walk import straight_walk
 
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.virtual_kinect.sdk_orientation import calibrate, hold_last, joint_rotations
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
+from kinemimic.pipeline.virtual_kinect.subject import close_loop
 
 
 @pytest.fixture(scope="module")
 def joints() -> np.ndarray:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.arange(0.0, gait.period, 1 / 30)
-    return ground_truth(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
+    return straight_walk(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
 
 
 def test_perfect_joints_are_reproduced_by_the_skeleton(joints: np.ndarray) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from peers.straight_walk import straight_walk
 
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.subject import Gait, close_loop, ground_truth
+from kinemimic.pipeline.virtual_kinect.subject import Gait, close_loop
 
 
 @pytest.fixture(scope="module", params=["walk", "run"])
@@ -41,21 +42,21 @@ def test_the_loop_stays_near_the_capture_away_from_its_seams() -> None:
     assert np.percentile(error, 90) < 2.0
 
 
-def test_the_way_is_straight_at_the_true_speed_in_any_direction() -> None:
+def test_the_path_is_straight_at_the_true_speed_in_any_direction() -> None:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     assert gait.speed == pytest.approx(1.23859 / (38 * 0.033332))
     elapsed = np.arange(4) * gait.period
-    seen = ground_truth(gait, elapsed, start=np.array([4.0, 1.0]), heading=np.pi / 2, phase=0.4).joints
-    way = np.diff(seen[:, N["hip_center"]], axis=0)
-    np.testing.assert_allclose(way, np.broadcast_to([0.0, gait.stride, 0.0], way.shape), atol=1e-9)
+    seen = straight_walk(gait, elapsed, start=np.array([4.0, 1.0]), heading=np.pi / 2, phase=0.4).joints
+    steps = np.diff(seen[:, N["hip_center"]], axis=0)
+    np.testing.assert_allclose(steps, np.broadcast_to([0.0, gait.stride, 0.0], steps.shape), atol=1e-9)
     assert np.linalg.norm(seen[0, N["hip_center"], :2] - [4.0, 1.0]) < 0.1
 
 
 def test_the_truth_has_human_values_and_does_not_depend_on_the_direction() -> None:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.linspace(0.0, gait.period, 200, endpoint=False)
-    ahead = ground_truth(gait, elapsed, start=np.zeros(2), heading=0.0, phase=0.0)
-    turned = ground_truth(gait, elapsed, start=np.ones(2), heading=2.5, phase=0.0)
+    ahead = straight_walk(gait, elapsed, start=np.zeros(2), heading=0.0, phase=0.0)
+    turned = straight_walk(gait, elapsed, start=np.ones(2), heading=2.5, phase=0.0)
     for name, curve in ahead.angles.items():
         np.testing.assert_allclose(turned.angles[name], curve, atol=1e-9)
     for side in ("left", "right"):
@@ -69,7 +70,7 @@ def test_the_truth_has_human_values_and_does_not_depend_on_the_direction() -> No
 def test_the_kinects_hip_centre_is_above_the_hips_and_its_foot_before_the_ankle() -> None:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.linspace(0.0, gait.period, 60)
-    joints = ground_truth(gait, elapsed, start=np.zeros(2), heading=0.0, phase=0.0).joints
+    joints = straight_walk(gait, elapsed, start=np.zeros(2), heading=0.0, phase=0.0).joints
     hips = 0.5 * (joints[:, N["hip_left"]] + joints[:, N["hip_right"]])
     np.testing.assert_allclose(joints[:, N["hip_center"], 2] - hips[:, 2], 0.07, atol=0.005)
     for side in ("left", "right"):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from peers.straight_walk import straight_walk
 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.subject import Gait, GroundTruth, close_loop, ground_truth
+from kinemimic.pipeline.virtual_kinect.subject import Gait, GroundTruth, close_loop
 from kinemimic.pipeline.virtual_kinect.variability import Variability
 from kinemimic.pipeline.virtual_kinect.walker import SPEEDS, at_speed, person, walk
 
@@ -67,7 +68,7 @@ def _stride_time_variation(truths: list[GroundTruth]) -> float:
 
 def test_without_variability_it_is_the_cycle(stock: Gait) -> None:
     times = np.arange(90) / 30.0
-    exact = ground_truth(stock, times, start=np.ones(2), heading=0.7, phase=0.3)
+    exact = straight_walk(stock, times, start=np.ones(2), heading=0.7, phase=0.3)
     gait = person(stock, Variability.measured(0.0), np.random.default_rng(0))
     walked = walk(
         gait,
