@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from peers.straight_walk import straight_walk
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
@@ -13,7 +14,7 @@ from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotati
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, conjugate, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
+from kinemimic.pipeline.virtual_kinect.subject import close_loop
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ def _gait(name: str):  # type: ignore[no-untyped-def]
 def walk(frames: int = 90, rate: float = 30.0, *, motion: str = "walk") -> Walk:
     """`frames` frames of the walk (or "run")."""
     times = np.arange(frames) / rate
-    shown = ground_truth(_gait(motion), times, start=np.array([0.4, 0.2]), heading=0.0, phase=0.1)
+    shown = straight_walk(_gait(motion), times, start=np.array([0.4, 0.2]), heading=0.0, phase=0.1)
     return Walk(times, shown.joints, shown.angles)
 
 
