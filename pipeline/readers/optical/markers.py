@@ -62,29 +62,33 @@ def clip_of_markers(
     zeros where missing (a mirrored file gives a mirrored clip); format, reading, world_from_file, angles: as
     in `clip_of_points`. The reading's notes say how each joint's centre was found.
 
-    If points are named like hips, knees and ankles, all points named like joints are these joints. Otherwise
-    hips are computed from the pelvis markers, knees and ankles from markers at the joint or from clusters on
-    the segments. The rest of the body follows from what is available. The spine node lies on the pelvis' own
-    long axis, so that a pelvis frame computed from the clip is the anatomical one. A marker that was never
-    seen does not count; one that is missing for a while is filled from others on its segment
-    (rigid_segments.py), else the nodes computed from it are missing. Without markers on the trunk,
-    shoulder_center is inferred (assumed_trunk.py).
+    If points are named like hips, knees and ankles, all points named like joints are these joints, unless
+    the hips are on the skin (`_on_skin`). Otherwise hips are computed from the pelvis markers, knees and
+    ankles from markers at the joint or from clusters on the segments. The rest of the body follows from what
+    is available. The spine node lies on the pelvis' own long axis, so that a pelvis frame computed from the
+    clip is the anatomical one. A marker that was never seen does not count; one that is missing for a while
+    is filled from others on its segment (rigid_segments.py), else the nodes computed from it are missing.
+    Without markers on the trunk, shoulder_center is inferred (assumed_trunk.py).
 
     Raises CaptureError naming what is missing if hips, knees or ankles cannot be computed.
     """
     markers = _Markers(labels, points)
     _require_legs(markers, labels, source)
+    chosen = marker_set(source)
     named = joint_centres(markers.labels)
     notes: list[str] = []
     centres: dict[str, Array] = {}
     if named.keys() >= set(REQUIRED):
-        notes.append("points named like joints are taken as their centres")
         centres = {node: markers.points[:, point] for node, point in named.items()}
+        if "hip_left" not in chosen.markers and (why := _on_skin(markers, centres)):
+            notes.append(f"points named like joints are markers on the skin: {why}")
+            centres = {}
+        else:
+            notes.append("points named like joints are taken as their centres")
     if unseen := _never_seen(markers, labels):
         notes.append(f"never seen: {', '.join(unseen)}")
     inferred: set[str] = set()
     if not _missing_of_pelvis(markers):
-        chosen = marker_set(source)
         if not centres and chosen.hips == "davis" and chosen.leg_length is None:
             _require_leg_length(markers, source)
         centres = _centres(markers, centres, chosen, notes, inferred)
@@ -100,6 +104,24 @@ def clip_of_markers(
         world_from_file=world_from_file,
         angles=angles,
     )
+
+
+def _on_skin(markers: _Markers, joints: Mapping[str, Array]) -> str:
+    """Why points named like hips, knees and ankles are markers on the skin, "" if they are the joints.
+
+    The hips' centres are nearer to each other than the ASIS (0.7 of their distance), markers over the
+    trochanters are farther apart.
+    """
+    if _missing_of_pelvis(markers) or _missing_of_legs(markers):
+        return ""
+    hips, asis = (
+        median(np.linalg.norm(left - right, axis=-1))
+        for left, right in (
+            (joints["hip_left"], joints["hip_right"]),
+            (markers["asis_left"], markers["asis_right"]),
+        )
+    )
+    return f"the hips are {hips:.2f} m apart, the ASIS {asis:.2f} m" if hips > asis else ""
 
 
 def require_legs(labels: tuple[str, ...], points: Array, source: Source) -> None:

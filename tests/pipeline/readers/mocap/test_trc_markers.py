@@ -111,6 +111,39 @@ def test_an_ankle_is_seen_while_its_knee_is_hidden() -> None:
     assert np.linalg.norm(clip.positions[:, ankle] - whole.positions[:, ankle], axis=-1).max() < 0.006
 
 
+def with_hips(outward: float) -> Clip:
+    """The walk with markers named like joints, those of the hips this far outside their centres, metres."""
+    shown = in_sight(walk(30, RATE))
+    places = {label.replace(".Lat", ""): at for label, at in markers(shown).items()}
+    left, right = (shown.joints[:, NODE_INDEX[f"hip_{side}"]] for side in ("left", "right"))
+    aside = outward * (left - right) / np.linalg.norm(left - right, axis=-1, keepdims=True)
+    places |= {"L.Hip": left + aside, "R.Hip": right - aside}
+    points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    return read(text(list(places), shown.times, points))
+
+
+def test_hips_on_the_skin_are_no_joints_beside_the_markers_of_a_pelvis() -> None:
+    clip, shown = with_hips(0.08), in_sight(walk(30, RATE))
+    for node in ("hip_left", "hip_right", "knee_left", "ankle_right"):
+        off = clip.positions[:, clip.skeleton.index(node)] - shown.joints[:, NODE_INDEX[node]]
+        assert np.abs(off).max() < 1e-5
+    assert "named like joints are markers on the skin: the hips are 0.33 m apart, the ASIS 0.24" in notes(
+        clip
+    )
+
+
+def test_hips_within_the_pelvis_are_joints() -> None:
+    clip = with_hips(0.01)
+    apart = (
+        clip.positions[:, clip.skeleton.index("hip_left")]
+        - clip.positions[:, clip.skeleton.index("hip_right")]
+    )
+    shown = in_sight(walk(30, RATE)).joints
+    true = np.linalg.norm(shown[:, NODE_INDEX["hip_left"]] - shown[:, NODE_INDEX["hip_right"]], axis=-1)
+    assert np.abs(np.linalg.norm(apart, axis=-1) - true - 0.02).max() < 1e-5
+    assert "points named like joints are taken as their centres" in notes(clip)
+
+
 def test_a_hidden_marker_of_the_head_is_filled_and_named() -> None:
     shown = in_sight(walk(90, RATE))
     head = shown.joints[:, NODE_INDEX["head"]]
