@@ -33,10 +33,15 @@ WALKING = 0.3
 
 def centre_of_mass(positions: Array, frames: Array) -> Array:
     """Centre of mass (T, 3) of the body with node positions (T, 20, 3) and frames (T, 20, 4), metres."""
+    found: Array = np.einsum("b,tbi->ti", BODY_MASSES, body_centres(positions, frames)) / TOTAL_MASS
+    return found
+
+
+def body_centres(positions: Array, frames: Array) -> Array:
+    """Centres of mass (T, 15, 3) of the bodies, with arguments as for `centre_of_mass`, metres."""
     world = frames[:, BODY_NODES]
     arms = rotate(world, np.broadcast_to(BODY_CENTERS, (len(world), *BODY_CENTERS.shape)))
-    found: Array = np.einsum("b,tbi->ti", BODY_MASSES, positions[:, BODY_NODES] + arms) / TOTAL_MASS
-    return found
+    return np.asarray(positions[:, BODY_NODES] + arms)
 
 
 def on_the_spot(root: Array, contacts: Mask, rate: float) -> bool:
@@ -103,10 +108,10 @@ def outside_soles(positions: Array, frames: Array, contacts: Mask, edge: float) 
     ahead = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
     axes = np.stack([ahead, np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)], axis=1)  # (T, 2, 2)
     centre = centre_of_mass(positions, frames)[:, None, None, :2]
-    way = np.einsum("tai,tfci->tfca", axes, sole_positions(positions, frames)[..., :2] - centre)
+    offsets = np.einsum("tai,tfci->tfca", axes, sole_positions(positions, frames)[..., :2] - centre)
     stands = contacts[:, :, None, None]
-    least = np.where(stands, way, np.inf).min(axis=(1, 2))
-    most = np.where(stands, way, -np.inf).max(axis=(1, 2))
+    least = np.where(stands, offsets, np.inf).min(axis=(1, 2))
+    most = np.where(stands, offsets, -np.inf).max(axis=(1, 2))
     bare = np.minimum(edge, 0.5 * (most - least))
     least, most = least + bare, most - bare
     margin = np.minimum(MARGIN, 0.5 * (most - least))

@@ -30,12 +30,11 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.phase import fourier
-from kinemimic.retarget.feet.balance import centre_of_mass
+from kinemimic.retarget.feet.balance import body_centres, centre_of_mass
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.feet.support import Support
 from kinemimic.retarget.humanoid.body import (
-    BODIES,
-    BODY_CENTERS,
+    BODY_INERTIAS,
     BODY_MASSES,
     BODY_NODES,
     TOTAL_MASS,
@@ -45,7 +44,6 @@ from kinemimic.retarget.humanoid.motion import Motion
 
 ITERATIONS = 60
 SUPPORTED = 0.5  # share of the frames with an area that bears weight, below which a motion is left alone
-_INERTIAS = np.array([body.inertia for body in BODIES])
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class Series:
     sole: tuple[float, float] = (1.0, 1.0)
 
 
-# Of a walk's cycle. The whole way ahead helps no more, and changes the knees half as much again.
+# Of a walk's cycle. The full displacement along X helps no more, and changes the knees by half as much again.
 WALK = Series(momentum=6, displacement=4, contact=5, share=(0.5, 1.0), largest=0.05)
 
 
@@ -123,13 +121,12 @@ def zero_moment_point(motion: Motion, harmonics: int = WALK.momentum) -> Array:
     # A frame that advances uniformly: all that moves in it is periodic.
     advance = phase[:, None] * motion.cycle_offset
     world = turned[:, BODY_NODES]
-    arms = rotate(world, np.broadcast_to(BODY_CENTERS, (frames, *BODY_CENTERS.shape)))
-    places = positions[:, BODY_NODES] + arms - advance[:, None]
+    places = body_centres(positions, turned) - advance[:, None]
     velocities = _rate(phase, places, period, harmonics)
     after = np.roll(world, -1, axis=0)
     spin = motion.rate * to_rotvec(multiply(after, conjugate(world)))
     spin = 0.5 * (spin + np.roll(spin, 1, axis=0))
-    turning = rotate(world, _INERTIAS * rotate(conjugate(world), spin))
+    turning = rotate(world, BODY_INERTIAS * rotate(conjugate(world), spin))
     momentum = np.einsum("b,tbi->ti", BODY_MASSES, velocities)
     angular = (np.cross(places, BODY_MASSES[:, None] * velocities) + turning).sum(axis=1)
     force = _rate(phase, momentum, period, harmonics)[:, 2] + TOTAL_MASS * GRAVITY
@@ -174,13 +171,13 @@ def _displaced(motion: Motion, displacement: Array, harmonics: int) -> Motion:
     still = np.clip(fourier.evaluate(contact, phase), 0.0, 1.0)
     for foot, side in enumerate(SIDES):
         hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
-        way = positions[:, ankle] - positions[:, hip] - moved * still[:, foot, None]
+        reach = positions[:, ankle] - positions[:, hip] - moved * still[:, foot, None]
         thigh, shank = np.linalg.norm(offsets[knee]), np.linalg.norm(offsets[ankle])
-        square = np.sum(way**2, axis=-1) - thigh**2 - shank**2
+        square = np.sum(reach**2, axis=-1) - thigh**2 - shank**2
         flexion = np.arccos(np.clip(square / (2.0 * thigh * shank), -1.0, 1.0))
         bent = from_axis_angle("Y", flexion)
-        leg = offsets[knee] + rotate(bent, np.broadcast_to(offsets[ankle], way.shape))
-        femur = multiply(swing(unit(rotate(turned[:, hip], leg)), unit(way), np.pi), turned[:, hip])
+        leg = offsets[knee] + rotate(bent, np.broadcast_to(offsets[ankle], reach.shape))
+        femur = multiply(swing(unit(rotate(turned[:, hip], leg)), unit(reach), np.pi), turned[:, hip])
         rotations[:, hip] = multiply(conjugate(turned[:, N["hip_center"]]), femur)
         rotations[:, knee] = bent
         rotations[:, ankle] = multiply(conjugate(multiply(femur, bent)), turned[:, ankle])

@@ -87,6 +87,7 @@ FEET: list[int] = [BODY_INDEX[f"foot_{side}"] for side in SIDES]
 # Node that carries each body, (15,); the 14 joints are those of BODIES[1:], in this order.
 BODY_NODES: NDArray[np.intp] = np.array([NODE_INDEX[body.node] for body in BODIES])
 BODY_MASSES: Array = np.array([body.mass for body in BODIES])  # kg
+BODY_INERTIAS: Array = np.array([body.inertia for body in BODIES])  # (15, 3) kg m², about the centre of mass
 BODY_CENTERS: Array = np.array([body.center for body in BODIES])  # (15, 3) m, of mass, in the bodies' frames
 TOTAL_MASS: float = sum(body.mass for body in BODIES)
 

@@ -55,6 +55,7 @@ def bodies(prefixes: tuple[str, ...], **changes: Callable[[Any], Any]) -> Callab
         )
         body.BODY_MASSES = np.array([one.mass for one in body.BODIES])
         body.BODY_CENTERS = np.array([one.center for one in body.BODIES])
+        body.BODY_INERTIAS = np.array([one.inertia for one in body.BODIES])
 
     return change
 

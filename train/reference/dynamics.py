@@ -16,7 +16,14 @@ from scipy.optimize import nnls
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
-from kinemimic.retarget.humanoid.body import BODIES, BODY_CENTERS, BODY_MASSES, BODY_PARENTS, Body
+from kinemimic.retarget.humanoid.body import (
+    BODIES,
+    BODY_CENTERS,
+    BODY_INERTIAS,
+    BODY_MASSES,
+    BODY_PARENTS,
+    Body,
+)
 from kinemimic.train.sim.world import FRICTION, BodyStates
 
 # The higher a point is above the ground, and the faster it moves, the less it carries.
@@ -43,7 +50,6 @@ def _points(body: Body) -> Array:
 _POINTS = [(index, _points(body)) for index, body in enumerate(BODIES)]
 _OWNER = np.concatenate([np.full(len(points), index) for index, points in _POINTS])
 _PLACES = np.concatenate([points for _, points in _POINTS])
-_INERTIAS = np.array([body.inertia for body in BODIES])
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array
     spin = rotate(conjugate(bodies.rotations), bodies.angular)
     turn = rotate(conjugate(bodies.rotations), angular_rate)
     forces = BODY_MASSES[:, None] * (linear_rate + np.array([0.0, 0.0, GRAVITY]))
-    moments = rotate(bodies.rotations, _INERTIAS * turn + np.cross(spin, _INERTIAS * spin))
+    moments = rotate(bodies.rotations, BODY_INERTIAS * turn + np.cross(spin, BODY_INERTIAS * spin))
     joints = bodies.positions - rotate(bodies.rotations, np.broadcast_to(BODY_CENTERS, (frames, 15, 3)))
 
     arms = rotate(bodies.rotations[:, _OWNER], np.broadcast_to(_PLACES[:, :3], (frames, len(_OWNER), 3)))
