@@ -128,9 +128,9 @@ class _Batch:
         phases = phase + np.arange(1, count + 1) / (count + 1)
         self._reset(np.arange(count), phases % 1.0, leader)
 
-    def shift(self, way: Array) -> None:
-        """Follow the session's humanoid, which was moved by a way (3,)."""
-        self._shifts += way * [1.0, 1.0, 0.0]
+    def shift(self, displacement: Array) -> None:
+        """Follow the session's humanoid, which was moved by a displacement (3,), m."""
+        self._shifts += displacement * [1.0, 1.0, 0.0]
 
     def apply(self, event: Input) -> None:
         """Take an input."""
@@ -183,8 +183,8 @@ class _Batch:
     def _set_tilts(self, indices: NDArray[np.intp]) -> None:
         batch, slope = self._batch, self._ground.slope
         for index in indices:
-            way = heading(batch.reference, float(batch.phases[index])) if slope else 0.0
-            self._tilts[index] = slope_tilt(slope, way)
+            uphill = heading(batch.reference, float(batch.phases[index])) if slope else 0.0
+            self._tilts[index] = slope_tilt(slope, uphill)
 
     def _one(self, index: int) -> BodyStates:
         """The states of one, as a batch."""

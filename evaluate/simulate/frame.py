@@ -104,8 +104,8 @@ class LiveSettings(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Score:
-    """Of the last `frames` control steps: R² of knee and hip, speed along the reference's way as a share of
-    its own (NaN where the reference stays in its place), steps upright."""
+    """Of the last `frames` control steps: R² of knee and hip, speed along the reference's path as a share
+    of its own (NaN where the reference stays in its place), steps upright."""
 
     frames: int
     upright: int

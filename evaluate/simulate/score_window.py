@@ -30,33 +30,33 @@ class ScoreWindow:
         self._steps.clear()
 
     def move(self, roots: Array) -> None:
-        """The roots were put elsewhere: the next step goes on from there."""
+        """The roots were put elsewhere: the next step starts from there."""
         self._roots = roots
 
     def add(self, frame: Frame, roots: Array) -> None:
         """A control step was done."""
-        way = roots - self._roots
-        self._steps.append((frame.rotations, frame.reference_rotations, not frame.fallen, way))
+        displacement = roots - self._roots
+        self._steps.append((frame.rotations, frame.reference_rotations, not frame.fallen, displacement))
         self._roots = roots
 
     def score(self) -> Score | None:
         """The score of the steps; None before MIN_SCORED of them."""
         if len(self._steps) < MIN_SCORED:
             return None
-        moved, wanted, upright, ways = (np.array(column) for column in zip(*self._steps, strict=True))
+        moved, wanted, upright, steps = (np.array(column) for column in zip(*self._steps, strict=True))
         fits = joint_fits(joint_angles(wanted), joint_angles(moved), upright)
         return Score(
             frames=len(upright),
             upright=int(upright.sum()),
             knee=fits["knee"].both.r2_upright,
             hip=fits["hip"].both.r2_upright,
-            speed=speed_ratio(ways[..., :2]),
+            speed=speed_ratio(steps[..., :2]),
         )
 
 
-def speed_ratio(ways: Array) -> float:
-    """How far the humanoid went along its reference's way, as a share of that way, from steps (N, 2, 2) of
+def speed_ratio(steps: Array) -> float:
+    """How far the humanoid went along its reference's path, as a share of that path, from steps (N, 2, 2) of
     humanoid and reference, m; NaN where the reference stands or returns."""
-    went, wanted = ways.sum(axis=0)
-    advance = advance_along(went, ways[:, 1])
+    went, wanted = steps.sum(axis=0)
+    advance = advance_along(went, steps[:, 1])
     return float("nan") if advance is None else advance / float(np.linalg.norm(wanted))

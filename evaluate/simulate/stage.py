@@ -238,25 +238,25 @@ def _without_drag(frame: Frame) -> tuple[Array, Array]:
     return forces, torques
 
 
-def _outside(bodies: BodyStates, ways: Array) -> Array:
-    """Where lines from the centres of bodies along `ways` (15, 3) leave them (15, 3): a short arrow that
+def _outside(bodies: BodyStates, vectors: Array) -> Array:
+    """Where lines from the centres of bodies along `vectors` (15, 3) leave them (15, 3): a short arrow that
     begins at the centre cannot be seen. A body counts as the box around it."""
-    length = np.maximum(np.linalg.norm(ways, axis=-1, keepdims=True), 1e-9)
-    along = np.abs(rotate(conjugate(bodies.rotations), ways / length))
+    length = np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+    along = np.abs(rotate(conjugate(bodies.rotations), vectors / length))
     reach = np.min(_HALF / np.maximum(along, 1e-9), axis=-1, keepdims=True)
-    found: Array = bodies.positions + np.minimum(reach, 1.0) * ways / length
+    found: Array = bodies.positions + np.minimum(reach, 1.0) * vectors / length
     return found
 
 
-def _point(arrows: Any, root: Array, starts: Array, ways: Array) -> None:
-    """Arrows (N, 3) from points (N, 3); none where the way is shorter than a centimetre.
+def _point(arrows: Any, root: Array, starts: Array, vectors: Array) -> None:
+    """Arrows (N, 3) from points (N, 3); none that is shorter than a centimetre.
 
     A browser takes longer to exchange points than to move a node. The node moves with the humanoid's root
     (3,), so that arrows that are late are still on their bodies.
     """
-    shown, starts = np.linalg.norm(ways, axis=-1) > 0.01, starts - root
+    shown, starts = np.linalg.norm(vectors, axis=-1) > 0.01, starts - root
     arrows.position = tuple(root)
-    arrows.points = np.stack([starts[shown], (starts + ways)[shown]], axis=1) if shown.any() else _HIDDEN
+    arrows.points = np.stack([starts[shown], (starts + vectors)[shown]], axis=1) if shown.any() else _HIDDEN
 
 
 def _place(nodes: Sequence[Any], bodies: BodyStates) -> None:

@@ -122,8 +122,8 @@ def aligned(target: Array, points: Array, seconds: Array) -> Array:
     # In the complex plane, a rotation about the vertical is a factor, which makes the fit linear.
     flat, onto = (one[..., 0] + 1j * one[..., 1] for one in (points, target))
     since = seconds - seconds.mean()
-    ways = np.broadcast_to(since[:, None], seen.shape)[seen]
-    drift = np.stack([np.ones(len(ways)), ways], axis=-1)
+    elapsed = np.broadcast_to(since[:, None], seen.shape)[seen]
+    drift = np.stack([np.ones(len(elapsed)), elapsed], axis=-1)
     legs, goals = flat[:, LEGS][seen], onto[:, LEGS][seen]
     turn = np.linalg.lstsq(np.column_stack([legs, drift]), goals, rcond=None)[0][0]
     turn /= max(abs(turn), np.finfo(float).tiny)

@@ -92,16 +92,16 @@ def joints_by_tree(parents: tuple[int, ...], positions: Array) -> dict[str, int]
 def _pairs(parents: tuple[int, ...], p: Array) -> list[tuple[_Limb, _Limb]]:
     """The pairs of limbs of equal lengths that hang from the same joint."""
     children = [[c for c, parent in enumerate(parents) if parent == joint] for joint in range(len(parents))]
-    ways: list[list[int]] = [[] for _ in parents]
+    chains: list[list[int]] = [[] for _ in parents]
     lengths = np.zeros(len(parents))
     for joint in reversed(range(len(parents))):
         longest = max(children[joint], key=lambda child: lengths[child], default=None)
-        ways[joint] = [joint, *(ways[longest] if longest is not None else [])]
+        chains[joint] = [joint, *(chains[longest] if longest is not None else [])]
         bone = 0.0 if parents[joint] < 0 else _length(p, parents[joint], joint)
         lengths[joint] = bone + (lengths[longest] if longest is not None else 0.0)
     pairs = []
     for branch, below in enumerate(children):
-        limbs = [limb for child in below if (limb := _limb(p, branch, ways[child])) is not None]
+        limbs = [limb for child in below if (limb := _limb(p, branch, chains[child])) is not None]
         pairs += [(one, other) for one, other in combinations(limbs, 2) if _equal(p, one, other)]
     return pairs
 
@@ -112,11 +112,11 @@ def _equal(p: Array, one: _Limb, other: _Limb) -> bool:
     return all(abs(a - b) <= _SAME * max(a, b) for a, b in zip(*pairs, strict=True))
 
 
-def _limb(p: Array, branch: int, way: list[int]) -> _Limb | None:
-    """The limb along a way down from a branch; None if it has no two long bones."""
-    size = sum(_length(p, a, b) for a, b in pairwise([branch, *way]))
+def _limb(p: Array, branch: int, chain: list[int]) -> _Limb | None:
+    """The limb along a chain down from a branch; None if it has no two long bones."""
+    size = sum(_length(p, a, b) for a, b in pairwise([branch, *chain]))
     joints = [branch]
-    for joint in way:
+    for joint in chain:
         if _length(p, joints[-1], joint) > _NO_BONE * size:
             joints.append(joint)
         elif len(joints) > 1:
@@ -148,10 +148,10 @@ def _is_straight(p: Array, before: int, joint: int, after: int) -> bool:
 
 def _apart(arms: tuple[_Limb, _Limb], legs: tuple[_Limb, _Limb], parents: tuple[int, ...]) -> bool:
     """Whether the arms' branch is not in a leg, nor the legs'."""
-    way = [arms[0].branch]
-    while way[-1] >= 0:
-        way.append(parents[way[-1]])
-    return arms[0].branch != legs[0].branch and not {leg.joints[0] for leg in legs} & set(way)
+    chain = [arms[0].branch]
+    while chain[-1] >= 0:
+        chain.append(parents[chain[-1]])
+    return arms[0].branch != legs[0].branch and not {leg.joints[0] for leg in legs} & set(chain)
 
 
 def _middle(p: Array, pair: tuple[_Limb, _Limb], number: int) -> Array:
@@ -189,11 +189,11 @@ def _trunk(parents: tuple[int, ...], p: Array, leg: _Limb, arm: _Limb, taken: se
     """The spine above the pelvis, and the neck and head above the arms' branch, if they are there."""
     size = leg.length
     found: dict[str, int] = {}
-    way = [arm.branch]
-    while parents[way[-1]] >= 0 and way[-1] != leg.branch:
-        way.append(parents[way[-1]])
+    chain = [arm.branch]
+    while parents[chain[-1]] >= 0 and chain[-1] != leg.branch:
+        chain.append(parents[chain[-1]])
     hips = p[:, leg.branch]
-    above = [j for j in reversed(way) if np.median(np.linalg.norm(p[:, j] - hips, axis=-1)) > 0.03 * size]
+    above = [j for j in reversed(chain) if np.median(np.linalg.norm(p[:, j] - hips, axis=-1)) > 0.03 * size]
     if above:
         found["spine"] = above[0]
     middle = 0.5 * (p[:, leg.branch] + p[:, arm.branch])

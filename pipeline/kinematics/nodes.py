@@ -124,10 +124,10 @@ def _take_pelvis(clip: Clip, found: dict[str, int]) -> None:
 
 def ancestors(parents: tuple[int, ...], joint: int) -> list[int]:
     """The joints that a joint hangs from, the nearest first."""
-    way: list[int] = []
+    above: list[int] = []
     while (joint := parents[joint]) >= 0:
-        way.append(joint)
-    return way
+        above.append(joint)
+    return above
 
 
 def _trunk(clip: Clip, found: dict[str, int], pelvis: int) -> list[int]:

@@ -111,8 +111,8 @@ def _feet_stay(positions: Array) -> bool:
     """Whether both feet of a body (T, 20, 3) stay, other than in a dance or a high step on one leg."""
     ankles = positions[:, [N[f"ankle_{side}"] for side in SIDES]]
     seen = ankles[np.isfinite(ankles).all(axis=(1, 2))]
-    way = np.ptp(np.percentile(seen, [5.0, 95.0], axis=0), axis=0) if len(seen) else np.zeros((2, 3))
-    return bool(np.linalg.norm(way, axis=-1).max() < STEP)
+    extent = np.ptp(np.percentile(seen, [5.0, 95.0], axis=0), axis=0) if len(seen) else np.zeros((2, 3))
+    return bool(np.linalg.norm(extent, axis=-1).max() < STEP)
 
 
 def only_segment(clip: Clip, segments: list[Segment], wanted: str) -> Clip:

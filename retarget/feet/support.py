@@ -46,11 +46,11 @@ class Support:
     def outside(self, points: Array) -> Array:
         """Vector (K, 2) from the support to the points (T, 2) of the frames, m; zero inside."""
         points = points[self.frames]
-        start, way = self.corners[:, _PAIRS[0]], self.corners[:, _PAIRS[1]] - self.corners[:, _PAIRS[0]]
+        start, edge = self.corners[:, _PAIRS[0]], self.corners[:, _PAIRS[1]] - self.corners[:, _PAIRS[0]]
         # Nearest point of every line between two corners: one of them is the nearest of the hull's edge.
-        length = np.maximum(np.square(way).sum(axis=-1), np.finfo(np.float64).tiny)
-        share = np.clip(((points[:, None] - start) * way).sum(axis=-1) / length, 0.0, 1.0)
-        apart = points[:, None] - start - share[..., None] * way
+        length = np.maximum(np.square(edge).sum(axis=-1), np.finfo(np.float64).tiny)
+        share = np.clip(((points[:, None] - start) * edge).sum(axis=-1) / length, 0.0, 1.0)
+        apart = points[:, None] - start - share[..., None] * edge
         nearest = np.square(apart).sum(axis=-1).argmin(axis=1)
         apart = np.take_along_axis(apart, nearest[:, None, None], axis=1)[:, 0]
         # A point is outside if no corner lies on its side of the line through its nearest point.

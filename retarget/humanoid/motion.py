@@ -45,8 +45,8 @@ class Motion:
 
     def __repr__(self) -> str:
         """A line instead of the arrays."""
-        way = self.cycle_offset if self.cyclic else self.root[-1] - self.root[0]
-        speed = float(np.hypot(way[0], way[1])) / self.duration if self.duration > 0.0 else 0.0
+        advance = self.cycle_offset if self.cyclic else self.root[-1] - self.root[0]
+        speed = float(np.hypot(advance[0], advance[1])) / self.duration if self.duration > 0.0 else 0.0
         return (
             f"Motion({'a loop' if self.cyclic else 'once'}, {self.duration:.2f} s, {speed:.2f} m/s"
             f"{', simulated' if self.simulated else ''})"

@@ -166,16 +166,16 @@ def _set_legs(rotations: Array, root: Array, feet: _Feet) -> None:
     pelvis = rotations[:, 0]
     hips = _hips(pelvis, root)
     for k, side in enumerate(SIDES):
-        way = feet.ankles[:, k] - hips[:, k]
-        far = np.clip(np.linalg.norm(way, axis=-1), 0.2, thigh + shank - 1e-3)
+        leg = feet.ankles[:, k] - hips[:, k]
+        far = np.clip(np.linalg.norm(leg, axis=-1), 0.2, thigh + shank - 1e-3)
         bend = np.pi - np.arccos((thigh**2 + shank**2 - far**2) / (2.0 * thigh * shank))
         # In the thigh's frame, the ankle is at -thigh Z - shank (sin, 0, cos) of the bend.
         local = np.stack([-shank * np.sin(bend), np.zeros_like(bend), -thigh - shank * np.cos(bend)], axis=-1)
         foot_yaw = from_axis_angle("Z", feet.yaw[:, k])
-        left = rotate(foot_yaw, np.broadcast_to([0.0, 1.0, 0.0], way.shape))
-        left = left + rotate(pelvis, np.broadcast_to([0.0, 1.0, 0.0], way.shape))
-        world = _triad(way, left)
-        own = _triad(local, np.broadcast_to([0.0, 1.0, 0.0], way.shape))
+        left = rotate(foot_yaw, np.broadcast_to([0.0, 1.0, 0.0], leg.shape))
+        left = left + rotate(pelvis, np.broadcast_to([0.0, 1.0, 0.0], leg.shape))
+        world = _triad(leg, left)
+        own = _triad(local, np.broadcast_to([0.0, 1.0, 0.0], leg.shape))
         turned = from_matrix(world @ own.swapaxes(-1, -2))
         knee = from_axis_angle("Y", bend)
         foot = multiply(foot_yaw, from_axis_angle("Y", feet.pitch[:, k]))

@@ -70,8 +70,8 @@ class LivePath:
         return Step(velocity, float(height))
 
     def _averaged(self, slide: Array, window: PoseWindow, recorded: Array) -> Array:
-        """The slide (2,) of the last moments if the hips stay in place over the window, compared with the way
-        that the feet go, else none."""
+        """The slide (2,) of the last moments if the hips stay in place over the window, compared with the
+        path of the feet, else none."""
         hips = _along(recorded[:, None], window.heading).mean(axis=(0, 1))
         in_place = float(np.linalg.norm(hips)) < IN_PLACE * float(np.linalg.norm(hips - slide))
         found = slide if in_place else np.zeros(2)

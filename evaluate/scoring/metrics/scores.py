@@ -114,11 +114,11 @@ def root_path(trajectory: Trajectory, duration: float | None = None) -> dict[str
 def advance_along(went: Array, steps: Array) -> float | None:
     """Metres that a displacement (2,) goes along the reference's line, from its steps (T, 2) in metres; None
     if the reference stands or returns."""
-    way = steps.sum(axis=0)
-    distance, length = float(np.linalg.norm(way)), float(np.linalg.norm(steps, axis=-1).sum())
+    displacement = steps.sum(axis=0)
+    distance, length = float(np.linalg.norm(displacement)), float(np.linalg.norm(steps, axis=-1).sum())
     if distance <= max(_STANDING, _STRAIGHT * length):
         return None
-    return float(went @ way / distance)
+    return float(went @ displacement / distance)
 
 
 def _paces(trajectory: Trajectory, duration: float) -> Array:

@@ -139,11 +139,11 @@ def _explained(error: msgspec.ValidationError, values: Any, kind: Any) -> Record
 
     It gives the location of the value, and the type at that location gives the expected value.
     """
-    text, at, way = str(error).rpartition(" - at `$")
-    text, way = (text, way) if at else (way, "")
+    text, at, location = str(error).rpartition(" - at `$")
+    text, location = (text, location) if at else (location, "")
     steps: Steps = ()
     value, node = values, inspect.type_info(kind)
-    for name, index in _STEP.findall(way.removesuffix("`")):
+    for name, index in _STEP.findall(location.removesuffix("`")):
         step = name or (_culprit(values, steps, value, kind) if index == "..." else int(index))
         steps = (*steps, step)
         value, node = value[step], _inner(node, step)
@@ -165,11 +165,11 @@ def _explained(error: msgspec.ValidationError, values: Any, kind: Any) -> Record
 def _culprit(values: Any, steps: Steps, table: dict[str, Any], kind: Any) -> str:
     """The key of the value that does not fit, in a table with arbitrary keys; msgspec does not report it."""
 
-    def replaced(value: Any, way: Steps, item: Any) -> Any:
-        if not way:
+    def replaced(value: Any, path: Steps, item: Any) -> Any:
+        if not path:
             return item
         copy = value.copy()
-        copy[way[0]] = replaced(value[way[0]], way[1:], item)
+        copy[path[0]] = replaced(value[path[0]], path[1:], item)
         return copy
 
     for key, item in table.items():

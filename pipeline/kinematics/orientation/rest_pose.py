@@ -181,20 +181,20 @@ def _carrier(
     """
     if any(end not in found for end in carried):
         return None
-    ways = [_way(skeleton, found.get(node), found[end]) for end in carried]
-    joints = [j for j in ways[0] if all(j in way for way in ways) and np.isfinite(world[:, j]).any()]
+    chains = [_chain(skeleton, found.get(node), found[end]) for end in carried]
+    joints = [j for j in chains[0] if all(j in chain for chain in chains) and np.isfinite(world[:, j]).any()]
     if node == "shoulder_center" or not joints:
         return joints[-1] if joints else None
     spreads = np.array([max(_spread(world[:, j], positions, node, end) for end in carried) for j in joints])
     return joints[int(np.argmax(spreads <= spreads.min() + _SAME))]
 
 
-def _way(skeleton: Skeleton, start: int | None, end: int) -> list[int]:
+def _chain(skeleton: Skeleton, start: int | None, end: int) -> list[int]:
     """Joints from `start` down to `end`; from the root if `start` is not above `end`."""
-    way = [end]
-    while skeleton.parents[way[-1]] >= 0 and way[-1] != start:
-        way.append(skeleton.parents[way[-1]])
-    return way[::-1]
+    chain = [end]
+    while skeleton.parents[chain[-1]] >= 0 and chain[-1] != start:
+        chain.append(skeleton.parents[chain[-1]])
+    return chain[::-1]
 
 
 def _spread(frames: Array, positions: Array, node: str, end: str) -> float:

@@ -68,6 +68,6 @@ def _least_squares(angle: Array, weight: Array, free: Array, moved: Array) -> Ar
 
 def _bounded(course: Array, reach: Array) -> Array:
     """The highest curve (n,) not above `course` that changes by at most `reach` (n - 1,) per step."""
-    way = np.concatenate([[0.0], np.cumsum(reach)])
-    ahead = np.minimum.accumulate(course - way) + way
-    return np.asarray(np.minimum.accumulate((ahead + way)[::-1])[::-1] - way)
+    total = np.concatenate([[0.0], np.cumsum(reach)])
+    ahead = np.minimum.accumulate(course - total) + total
+    return np.asarray(np.minimum.accumulate((ahead + total)[::-1])[::-1] - total)

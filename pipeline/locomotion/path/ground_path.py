@@ -97,8 +97,8 @@ def steady_velocity(velocity: Array, phase: Array, speed: float) -> Array:
     """
     at = np.arange(len(phase))
     early, late = (np.interp(phase + shift, phase, at) for shift in (-0.5, 0.5))
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))])
-    mean = (np.interp(late, at, way) - np.interp(early, at, way)) / np.maximum(late - early, 1.0)
+    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))])
+    mean = (np.interp(late, at, travelled) - np.interp(early, at, travelled)) / np.maximum(late - early, 1.0)
     # A part of a stride has another mean.
     whole = np.interp(late, at, phase) - np.interp(early, at, phase) > 0.99
     if not whole.any() or float(np.std(mean[whole])) > FEET_ERROR * abs(speed):

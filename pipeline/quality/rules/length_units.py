@@ -127,8 +127,8 @@ def _wrong_scale(leg: float, *, joints: int) -> Unit | None:
 
 def _below(hip: int, ankle: int, parents: tuple[int, ...]) -> list[int]:
     """The joints from the ankle up to the one below the hip: the knee, and those for twist in between."""
-    way = [ankle, *ancestors(parents, ankle)]
-    return way[: way.index(hip)] if hip in way else way[:2]
+    chain = [ankle, *ancestors(parents, ankle)]
+    return chain[: chain.index(hip)] if hip in chain else chain[:2]
 
 
 def plausible_units(leg: float, units: Mapping[str, float]) -> list[str]:

@@ -104,13 +104,13 @@ def _stands(points: Array, up: Array) -> bool:
         return True
     ankles = [points[:, NODE_INDEX[f"ankle_{side}"]] for side in SIDES]
     beside = [ankle - hips for ankle in ankles]
-    beside = [way - np.outer(way @ up, up) for way in beside]
+    beside = [direction - np.outer(direction @ up, up) for direction in beside]
     apart = beside[0] - beside[1]
     apart = apart[np.isfinite(apart).all(axis=-1)]
     if len(apart) < 2:
         return False
     swing = np.linalg.eigh(np.cov(apart.T))[1][:, -1]  # the axis along which the ankles pass each other
-    ends = [_ends((way @ swing)[:, None])[:, 0] for way in beside]
+    ends = [_ends((direction @ swing)[:, None])[:, 0] for direction in beside]
     if all(low < -MIN_ANKLE_SWING and high > MIN_ANKLE_SWING for low, high in ends):
         return True
     lowered = _travel((hips @ up)[:, None])
