@@ -42,10 +42,12 @@ CURVES = {"knee": "knee_left", "hip": "hip_left"}
 
 @dataclass(frozen=True)
 class Choices:
-    """What the page offers, by name; policy, motion: what is performed first; trackers: the policies that
-    perform every motion. Another one performs its own, of its name. phases: whether the motion can begin at
-    any phase; slower: whether time can be slowed, which a live capture's cannot. What cannot be chosen has no
-    controls."""
+    """What the page offers, by name; there are no controls for what cannot be chosen.
+
+    policy, motion: what is performed first; trackers: the policies that perform every motion (any other
+    performs only its own, of the same name); phases: whether the motion can begin at any phase; slower:
+    whether time can be slowed, unlike that of a live capture.
+    """
 
     policies: Sequence[str]
     motions: Sequence[str]
@@ -64,10 +66,10 @@ class Choices:
 
 @dataclass(frozen=True)
 class Actions:
-    """What the page asks of its owner; client: who asks.
+    """What the panel calls; client: number of the browser.
 
-    allowed: whether a client holds the controls, which it is told if not; send: an input, or a request by its
-    name and arguments; take_control: hold the controls; say: tell a client.
+    allowed: whether a client holds the controls; if not, it is told so; send: an input or a request;
+    take_control: give a client the controls; say: show a client a message.
     """
 
     allowed: Callable[[int], bool]

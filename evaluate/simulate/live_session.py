@@ -36,10 +36,10 @@ FADE = 0.2  # of the share of what is done on the spot, per control step
 class LiveSession(Session):
     """One humanoid that follows a live capture.
 
-    The humanoid performs what the person did the lag of the filter ago; the poses to which the tracker looks
-    ahead are predicted. standing: policy for a person who stays on the spot, where ankles and hips balance
-    the humanoid; without one, they alone do. A tracker that balances (`EnvConfig.balance`) performs
-    everything itself. restarts: number of times that somebody asked for one.
+    The humanoid follows the person with the lag of the filter; the poses to which the tracker looks ahead are
+    predicted. standing: policy for a person who stays on the spot, where ankles and hips balance the
+    humanoid; without one, they do so alone. A tracker that balances (`EnvConfig.balance`) performs everything
+    itself. restarts: number of restarts that were requested on the page.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class LiveSession(Session):
         self._on_the_spot += min(max(float(performed.on_the_spot) - self._on_the_spot, -FADE), FADE)
         self._live.append(performed.root, performed.rotations, noise, self._on_the_spot)
         if performed.appeared and self._place_there:
-            # When the humanoid comes to the person's first frames, after the fade.
+            # Control steps until the humanoid performs the person's first frames, after the fade.
             self._placed_in = KNOWN + CONTROL_RATE // 2
         if self._placed_in is not None:
             self._placed_in -= 1
@@ -141,7 +141,7 @@ class LiveSession(Session):
         return (1.0 - share) * actions + share * still
 
     def advance(self) -> Frame:
-        """One control step, with what has come since the last one."""
+        """One control step, with the frames that have arrived since the last one."""
         self._advance_reference()
         self._batch.phases[:] = self._live.present
         return replace(super().advance(), shown=self._shown)

@@ -89,7 +89,7 @@ class Loop:
         self._steps_asked = 0
         self._frame: Frame | None = None
         self._lasting: dict[tuple[type, str], Input] = {}
-        self._altered = False  # what is seen, since the last picture
+        self._altered = False  # whether the picture is out of date
         self._idle = 0  # beats without a control step
 
     def run(
@@ -154,7 +154,7 @@ class Loop:
             self._page.show(self._frame, self._state())
 
     def _take_inputs(self) -> bool:
-        """Take what waits; whether anything did."""
+        """Take the waiting inputs and requests; whether there were any."""
         events: list[Input | Request] = []
         while True:
             try:
@@ -230,7 +230,7 @@ class Loop:
         self._begin(session)
 
     def _begin(self, session: Session) -> None:
-        """Go on with another session, as people have set it."""
+        """Continue with another session, with ground, carried weights and scenario as they were set."""
         self.session.close()
         self.session, self._altered = session, True
         for event in list(self._lasting.values()):

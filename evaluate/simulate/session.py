@@ -51,8 +51,11 @@ LYING = 2 * CONTROL_RATE  # control steps on the ground before an automatic rest
 
 
 class Session:
-    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall; live:
-    of a session that a live capture drives."""
+    """One humanoid with a policy on a motion.
+
+    restart: whether it is put back onto its reference after a fall; live: settings of the live capture that
+    drives the session, None without one.
+    """
 
     live: LiveSettings | None = None
 
@@ -135,7 +138,7 @@ class Session:
         self._window.move(self._roots())
 
     def _slope_tilt(self) -> Array:
-        """What a person's slope, uphill where the reference goes now, adds to gravity: (3,) m/s²."""
+        """What the slope set on the page, uphill where the reference goes now, adds to gravity: (3,) m/s²."""
         batch = self._batch
         if not self._ground.slope or batch.config.scenario is not None:
             return np.zeros(3)
@@ -146,7 +149,7 @@ class Session:
         return np.stack([self._batch.bodies.positions[0, 0], self._batch.target.positions[0, 0]])
 
     def _set_friction(self) -> None:
-        """The engine changes friction with a reset only: one onto the state that it has."""
+        """Apply the ground's friction: the engine changes it only in a reset, here to the current state."""
         batch = self._batch
         with self._obstacles.kept():
             batch.restore({**batch.snapshot(), "friction": np.array([self._ground.friction])})
@@ -158,12 +161,12 @@ class Session:
         return None
 
     def words(self) -> list[str]:
-        """What else is to be said of the session, in lines."""
+        """Further lines about the session, for the page."""
         return []
 
     def apply(self, event: Input | CapturedFrame) -> None:
         """Take an input, before the next control step. KinemimicError if it does not fit the session, which
-        then is as before."""
+        is then unchanged."""
         if isinstance(event, CapturedFrame):
             raise KinemimicError("expected no frame: no live capture drives this session")
         if isinstance(event, Restart):
@@ -226,7 +229,7 @@ class Session:
         return frame
 
     def look(self) -> Frame:
-        """The state now: that after the last control step, and what inputs have changed since."""
+        """The state after the last control step, with what inputs have changed since."""
         return self._frame(self._effects.spring(self._batch.bodies))
 
     def _frame(self, drag: Array | None) -> Frame:

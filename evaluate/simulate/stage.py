@@ -143,7 +143,7 @@ class Stage:
             self._draw_capture(frame)
 
     def _draw_capture(self, frame: Frame) -> None:
-        """The skeletons of a live capture, at the left of where the humanoid is to be."""
+        """The skeletons of a live capture, to the left of the humanoid's reference."""
         shown, place = frame.shown, frame.target.positions[0] * [1.0, 1.0, 0.0]
         for node, points in ((self._raw, shown.raw), (self._clean, shown.clean)) if shown else ():
             segments = skeleton_segments(points)

@@ -13,10 +13,10 @@ Viewers = Callable[[], int]
 
 
 class FilePlayer:
-    """Plays a file to people: from when the first of them looks, and again when they ask.
+    """Plays a file when the first viewer opens the page, and again on request.
 
-    Otherwise it would be over before the page is open. viewers: how many look; tail: control steps that are
-    performed after its last frame.
+    Otherwise it would be over before the page is open. viewers: number of viewers; tail: control steps that
+    are performed after its last frame.
     """
 
     def __init__(
@@ -24,12 +24,12 @@ class FilePlayer:
     ) -> None:
         self._loop, self._source, self._watched = loop, source, watched
         self._viewers, self._tail = viewers, tail
-        self._left: int | None = None  # control steps until the end; None before anybody looks
+        self._left: int | None = None  # control steps until the end; None before the first viewer
         self._restarts = 0
         loop.paused = True
 
     def beat(self) -> bool:
-        """Look at what happened in a beat of the loop; False: it goes on."""
+        """Follow a beat of the loop; returns False, because the loop is not to end."""
         loop, asked = self._loop, self._asked()
         if self._left is None:
             if self._viewers() or not loop.paused:

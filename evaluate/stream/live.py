@@ -24,7 +24,7 @@ from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SOURCE = "live capture"  # its name among the motions of the page
-AFTER = 1.0  # s that a replay goes on after what it still has to perform
+AFTER = 1.0  # s for which a replay continues after its last frame has been performed
 
 
 def stream(
@@ -42,10 +42,10 @@ def stream(
 ) -> dict[str, Any]:
     """Follow a source until it ends, for `seconds`, or until Ctrl-C; returns the summary.
 
-    run: folder with the policy, below which sessions are recorded. page: None for nobody; viewers: how many
-    look at the page; with it, a file waits for the first of them and can be played again. clock: None to go
-    as fast as the processor can, which suits a replay alone. With `record`, a recording of nothing is not
-    kept.
+    run: folder with the policy, below which sessions are recorded; page: None to run without one; viewers:
+    number of viewers of the page: if given, a file waits for the first of them and can be played again;
+    clock: None to run as fast as the processor can, for replays only; record: record from the start; an empty
+    recording is not kept.
     """
     settings = settings or LiveSettings()
     # Without a clock, the time is that of the simulation.
@@ -84,12 +84,12 @@ def stream(
     finally:
         source.close()
     if record and not watched.counts()["frames"]:
-        loop.recorded[:] = [folder for folder in loop.recorded if not _is_empty(folder)]
+        loop.recorded[:] = [folder for folder in loop.recorded if not _removed_if_empty(folder)]
     return summary(source, watched, clock, loop.recorded[-1] if loop.recorded else None)
 
 
-def _is_empty(folder: Path) -> bool:
-    """Whether nothing was done in a session without frames, which then is removed."""
+def _removed_if_empty(folder: Path) -> bool:
+    """Remove the recording of a session without frames if it has no inputs either; whether it was removed."""
     empty = '"input":' not in (folder / SESSION).read_text(encoding="utf-8")
     if empty:
         shutil.rmtree(folder)

@@ -35,7 +35,7 @@ class Faults(Counter[str]):
 
     @property
     def refused(self) -> int:
-        """How much of what came could not be read."""
+        """Number of messages that could not be read."""
         return sum(count for kind, count in self.items() if kind.startswith(REFUSED))
 
 
@@ -48,14 +48,14 @@ class Source(Protocol):
     waits: bool
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
-        """What came until now, `elapsed` seconds after the first poll."""
+        """The frames that have arrived since the last poll; elapsed: seconds since the first one."""
 
     @property
     def ended(self) -> bool:
         """Whether nothing more will come."""
 
     def close(self) -> None:
-        """Free what is held."""
+        """Close sockets and files."""
 
 
 def frames_of(lines: Sequence[bytes], faults: Faults) -> list[CapturedFrame]:

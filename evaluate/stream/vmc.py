@@ -196,7 +196,7 @@ class Vmc:
         return found[-MAX_FRAMES:]
 
     def _frame(self, moment: float, elapsed: float) -> list[CapturedFrame]:
-        """The frame of the bones that have come, if they are all there."""
+        """The frame of the bones received so far, if it is complete."""
         if not self._changed:
             return []
         missing = self._avatar.missing

@@ -53,7 +53,7 @@ class Series:
     momentum, displacement, contact: harmonics of the momentum, of the displacement, and of the smooth share
     in which a foot is in contact; share: of the displacement that is applied, along X and Y; largest: m, of a
     displacement; ridge: of the displacement's fit, which keeps it small in gaps without support; sole: shares
-    of the soles' length and width that shall bear the weight (`Support.of`).
+    of the soles' length and width that should bear the weight (`Support.of`).
     """
 
     momentum: int

@@ -36,7 +36,7 @@ class LiveLean:
         self.restart()
 
     def restart(self) -> None:
-        """Somebody else may be there."""
+        """Forget the lean: another person may be in view."""
         self._lean = np.zeros(2)  # rad, of the head ahead and to the left
         self._seconds = 0.0
 
