@@ -4,8 +4,9 @@ Toes and knees show forward, the trunk shows up, hips and shoulders show left; i
 directions disagree. The cause is left-handed axes read as right-handed, or left and right names swapped; the
 points alone cannot tell which. The names were written by a person, but the axes were assumed by a program, so
 the names are kept and the body is reflected: points in the plane Y = 0, Euler channels along a level axis of
-their file. If the names were wrong instead, the curves of the left leg are those of the right. Bodies whose
-knees never bend clearly are only flagged.
+their file. If the names were wrong instead, the curves of the left leg are those of the right. In an optical
+recording in its laboratory's own format, whose axes are right-handed, only the names can be wrong: there, the
+sides are exchanged. Bodies whose knees never bend clearly are only flagged.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import to_matrix
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.kinematics.vectors import unit
+from kinemimic.pipeline.locomotion.leg_pose import is_precise
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 
 # A foot or knee is counted in a frame where its cosine or sine exceeds this; a straight knee is not evidence.
 MIN_EVIDENCE = 0.3
@@ -31,7 +34,7 @@ _REFLECTION = np.array([1.0, -1.0, 1.0])
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip reflected left to right, if it is mirrored throughout."""
+    """The clip reflected left to right, or with its sides exchanged, if it is mirrored throughout."""
     feet, knees = foot_and_knee_directions(clip)
     by_feet = len(feet) >= MIN_CASES
     if by_feet and np.mean(feet < 0) < MIN_MIRRORED_SHARE:
@@ -51,8 +54,16 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     if not by_knees:
         text = f"{found}, but no knee bends clearly; sitting on the heels looks the same; left as recorded"
         return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
+    if clip.provenance.get("reading", {}).get("right_handed") and is_precise(nodes_of(clip)):
+        text = f"{found}; the format's axes are right-handed, so left and right names are swapped: exchanged"
+        joints, curves = range(len(clip.skeleton.names)), tuple(clip.angles or ())
+        exchanged = swap_sides(clip, np.ones(frames, dtype=np.bool_), joints, curves)
+        return exchanged, [Defect("mirrored", frames, "frames", "repaired", text)]
     dropped = "; recorded rotations are dropped" if clip.rotations is not None else ""
-    text = f"{found}; reflected left to right, names kept{dropped}"
+    text = (
+        f"{found}; reflected left to right, names kept{dropped}; if left and right names are swapped "
+        "instead, each leg's curves are the other's"
+    )
     return reflected(clip), [Defect("mirrored", frames, "frames", "repaired", text)]
 
 

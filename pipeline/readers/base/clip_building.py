@@ -75,7 +75,11 @@ def clip_of_points(
         rotations=rotations,
         angles=angles,
         labels=tuple(labels),
-        provenance={"format": format.name, "sensor": format.sensor, "reading": dict(reading)},
+        provenance={
+            "format": format.name,
+            "sensor": format.sensor,
+            "reading": {**reading, **({"right_handed": True} if format.right_handed else {})},
+        },
     )
 
 

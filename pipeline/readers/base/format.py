@@ -16,7 +16,8 @@ class Format:
     name: its usual name; sensor: what records it; holds: the content of a frame; recognised_by: the feature
     of the content by which it is recognised; columns: numbers per line that make a headerless table a
     candidate (empty for other formats); width_in_header: the header gives the number of columns;
-    sidecar_file: the file that must be in the same folder; binary: the content is not text.
+    sidecar_file: the file that must be in the same folder; binary: the content is not text; right_handed: the
+    axes are, in every program that writes the format.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Format:
     width_in_header: bool = False
     sidecar_file: str = ""
     binary: bool = False
+    right_handed: bool = False
 
 
 class Reader(Protocol):

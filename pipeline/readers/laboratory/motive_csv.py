@@ -32,6 +32,7 @@ FORMAT = Format(
     holds="positions of a skeleton's bones, or of markers",
     recognised_by="a first line that begins with Format Version",
     width_in_header=True,
+    right_handed=True,
 )
 _MARK = "Format Version"
 _UNITS = ("Millimeters", "Centimeters", "Meters", "Inches", "Feet")

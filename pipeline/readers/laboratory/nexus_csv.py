@@ -48,6 +48,7 @@ FORMAT = Format(
     holds="positions of markers; segments and angles of Plug-in-Gait",
     recognised_by='a first line "Trajectories" or "Model Outputs"',
     width_in_header=True,
+    right_handed=True,
 )
 _MARKER = ("X", "Y", "Z")
 _SEGMENT = ("RX", "RY", "RZ", "TX", "TY", "TZ", "SX", "SY", "SZ")

@@ -32,6 +32,7 @@ FORMAT = Format(
     holds="positions of markers",
     recognised_by="a line NO_OF_FRAMES and a line MARKER_NAMES",
     width_in_header=True,
+    right_handed=True,
 )
 UNIT = "mm"
 _FRAMES, _RATE, _MARKERS, _NAMES = "NO_OF_FRAMES", "FREQUENCY", "NO_OF_MARKERS", "MARKER_NAMES"

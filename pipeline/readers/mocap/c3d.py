@@ -36,6 +36,7 @@ FORMAT = Format(
     holds="positions of joints or markers, and angles",
     recognised_by="0x50 as the second byte",
     binary=True,
+    right_handed=True,
 )
 DECLARED: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 # Axis that points up -> rotation that turns it to Z.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import asf_amc, bvh, source_of
+from samples import asf_amc, bvh, qualisys_tsv, source_of
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
@@ -20,6 +20,7 @@ from kinemimic.pipeline.quality.rules import (
     mirrored_body,
 )
 from kinemimic.pipeline.quality.rules.wrong_up_axis import rotated_clip
+from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import asf_amc as asf_reader
 from kinemimic.pipeline.readers.mocap.bvh import read as read_bvh
@@ -76,6 +77,28 @@ def test_names_of_the_other_side_are_a_mirror_too(moving: Moving, other_side: li
     assert found.action == "repaired"
     np.testing.assert_allclose(repaired.positions, clip.positions[:, other_side] * [1.0, -1.0, 1.0])
     assert mirrored_body.repair(repaired)[1] == []
+
+
+def test_a_laboratory_s_swapped_names_are_exchanged() -> None:
+    """A laboratory's own formats have right-handed axes: their names are wrong, and the path stays."""
+    content = qualisys_tsv.files(200)["walk.tsv"].decode()
+    head, names, rest = re.split(r"(MARKER_NAMES.*)\n", content, maxsplit=1)
+    swapped = re.sub(r"\b[LR](?=[A-Z]{3})", lambda found: "LR"[found[0] == "L"], names)
+    assert sum(a != b for a, b in zip(names, swapped, strict=True)) > 20
+    clip = recognise.read_source(source_of(content, Path("walk.tsv")))
+    wrong = recognise.read_source(source_of(f"{head}{swapped}\n{rest}", Path("walk.tsv")))
+    repaired, (found,) = mirrored_body.repair(wrong)
+    assert (found.rule, found.action) == ("mirrored", "repaired")
+    assert found.text.endswith("left and right names are swapped: exchanged")
+    assert mirrored_body.repair(repaired)[1] == []
+    for joint in ("knee_left", "ankle_right"):
+        at = clip.skeleton.index(joint)
+        assert np.abs(repaired.positions[:, at] - clip.positions[:, at]).max() < 0.01
+    # A sensor that is not as precise may have axes of any hand.
+    vague = replace(
+        wrong, positions=wrong.positions + np.random.default_rng(4).normal(0, 0.02, wrong.positions.shape)
+    )
+    assert "reflected left to right, names kept" in mirrored_body.repair(vague)[1][0].text
 
 
 def in_left_handed_axes(text: str) -> str:
