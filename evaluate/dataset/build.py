@@ -87,7 +87,7 @@ def refresh(folder: Path, state: State, *, subject: str | None = None) -> bool:
 
 
 def _captures(state: State) -> Iterator[tuple[Row, Row]]:
-    """Row of each capture, without files that are none and those that are read with another; made from."""
+    """The row of each capture, without other files and files that are read with another; made from."""
     read_with: set[Path] = set()
     for _, (capture, kept) in state.rows().items():
         if kept.row["status"] != "other" and capture not in read_with:

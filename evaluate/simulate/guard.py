@@ -35,7 +35,7 @@ _PATCH = threading.Lock()
 def free_port(first: int) -> int:
     """The first port from `first` on that is free on this machine; KinemimicError if there is none.
 
-    viser would look for one beyond the last port there is, and wait for ever.
+    viser would look for one beyond the last port there is, and wait forever.
     """
     for port in range(first, min(first + PORTS, 1 << 16)):
         with socket.socket() as tried:

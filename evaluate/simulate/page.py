@@ -61,7 +61,7 @@ class Page:
         self._noticed: dict[int, float] = {}  # when a viewer was refused, s
         self._last: Frame | None = None
         self._pull: _Pull | None = None
-        # Between a pull and its queued drags: a drag behind its release would last for ever.
+        # Between a pull and its queued drags: a drag behind its release would last forever.
         self._lock = threading.Lock()
         port = free_port(port)
         # viser prints a box with an address that lacks the token.

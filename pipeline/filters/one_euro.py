@@ -20,7 +20,7 @@ SPEED_CUTOFF = 1.0
 
 
 def one_euro(values: Array, times: Array, passes: NDArray[np.int32]) -> Array:
-    """Values (T, J, K), each filtered with past values only; NaN stay, and each run starts anew.
+    """Values (T, J, K), each filtered with past values only; NaN stay, and each run restarts the filter.
 
     The speed is the joint's, not one coordinate's, so that the result does not depend on the axes.
     """

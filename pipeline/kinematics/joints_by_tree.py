@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.vectors import perpendicular, unit
 
 # Frames, spread over the recording, that suffice.
 _FRAMES = 200
-# Bones shorter than this share of their limb are none; paired limbs have bones of the same lengths to this
+# Bones shorter than this share of their limb are ignored; paired limbs have bones of the same lengths to this
 # share; the lengths of the two main bones of a limb differ by this factor at most.
 _NO_BONE, _SAME, _ALIKE = 0.01, 0.15, 2.4
 # A joint that bends by less than this, in every frame and by less than the other between them, is for twist.

@@ -10,8 +10,8 @@ from kinemimic.pipeline.locomotion.standing import INTO, OUT_OF
 from kinemimic.pipeline.locomotion.stride_legs import MAX_PERIOD_DEVIATION
 from kinemimic.pipeline.locomotion.strides import MIN_R2, Stride
 
-# A bout: so many strides; or a part of a stride that advances so far (m), as when a runner crosses the view
-# of a sensor.
+# A bout has this many strides, or part of a stride that advances this far (m), as when a runner crosses the
+# view of a sensor.
 MIN_STRIDES, MIN_CROSSING, MIN_TRAVEL = 2.0, 0.75, 0.8
 MIN_SHARE = 0.5  # of the pass, that a part of a stride takes
 MIN_REACH_RATIO = 0.6  # of the ankles' movements about the hips, the smaller over the larger

@@ -11,7 +11,7 @@ from kinemimic.pipeline.video.detector import Detection, Detector
 from kinemimic.pipeline.video.landmarks import MIN_PRESENCE, LandmarkNetwork, Landmarks
 from kinemimic.pipeline.video.region import Region
 
-# Without a person, the detector looks at every so many frames only.
+# Without a person, the detector looks at every nth frame only.
 _SEARCH_EVERY = 3
 # How far from the last place a lost person is looked for, in sides of the last region: at once, and more per
 # frame. Somebody elsewhere is another person, until there was time to walk there.

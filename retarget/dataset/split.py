@@ -18,7 +18,7 @@ _SHARES = (0.8, 0.1, 0.1)
 
 
 def subject_pattern(text: str | None) -> re.Pattern[str]:
-    """The compiled expression, by default SUBJECT; KinemimicError if it is none."""
+    """The compiled expression, by default SUBJECT; KinemimicError if it is invalid."""
     try:
         return re.compile(SUBJECT if text is None else text)
     except re.error as error:

@@ -15,7 +15,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 
 # Corners of the soles that can bear weight: height above the ground, m, and speed over it, m/s.
 LOW, SLOW = 0.03, 0.7
-CORNERS = 3  # so many of them make an area
+CORNERS = 3  # the fewest that span an area
 _PAIRS = np.array(list(combinations(range(8), 2))).T
 _ON_LINE = 1e-12  # m²: beyond it, a corner is on the other side of a line than the point
 

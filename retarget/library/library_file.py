@@ -63,7 +63,7 @@ def write_library(folder: Path, library: MotionLibrary, described: Mapping[str, 
 def read_library(folder: Path) -> MotionLibrary:
     """Read the files that `write_library` wrote.
 
-    KinemimicError for any others, for arrays of another manifest, and for motions that are none.
+    KinemimicError for any others, for arrays of another manifest, and for invalid motions.
     """
     path, arrays = folder / MANIFEST, folder / ARRAYS
     if not path.exists():

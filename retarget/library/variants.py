@@ -41,8 +41,8 @@ SYMMETRIC = 0.7  # probability of a symmetric gait
 MIX = 0.6  # largest share of the second loop
 PERIOD = {"walk": (0.75, 2.0), "run": (0.75, 1.35)}  # factor on the duration
 STRIDE = {"walk": (0.5, 1.5), "run": (0.7, 1.5)}  # factor on the flexion of hips and knees
-# Without this, most variants would be as slow as the loops, and a tracker would fall behind whoever walks
-# briskly. m/s: what a walk aims at; what it reaches depends on its posture, and is less for brisk walks.
+# Without this, most variants would be as slow as the loops, and a tracker would fall behind brisk
+# walkers. m/s: what a walk aims at; what it reaches depends on its posture, and is less for brisk walks.
 WALKING = (0.4, 2.8)
 # Standard deviation of the logarithm of the ratio of stride to cadence.
 WALK_RATIO = 0.15
@@ -80,7 +80,7 @@ SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
 # flight.
 SPREAD = {"walk": 1.0, "run": 0.6}
 ATTEMPTS = 90
-# A new speed is drawn only after so many attempts: of fast variants, fewer are plausible, and without this
+# A new speed is drawn only after this many attempts: of fast variants, fewer are plausible, and without this
 # they would be rare.
 SAME_SPEED = 15
 # What `plausible` accepts: depth of a sole in the ground, m; m/s; vertical range of the pelvis, m.

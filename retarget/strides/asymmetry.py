@@ -14,7 +14,7 @@ from kinemimic.retarget.strides.loop import Loop, PooledFrames
 
 # Difference of the sides that noise does not explain: in residuals about the loop, of which a leg that a
 # depth sensor sees badly on most strides differs by up to 1.6; or in errors of the mean over the strides, of
-# which the legs of Kinect walks differ by up to 2.2, from so many strides on that show both legs.
+# which the legs of Kinect walks differ by up to 2.2, from this many strides on that show both legs.
 MAX_ASYMMETRY, MAX_ASYMMETRY_ERRORS, MIN_COMPARED_STRIDES = 2.0, 2.5, 3
 WHOLE_STRIDE, MIN_STRIDE_FRAMES = 0.95, 10  # of a stride that is compared with others
 _COMPARED = 40  # samples

@@ -1,4 +1,4 @@
-"""Iterative learning control of a policy: what it does wrong in every cycle of one motion, it unlearns.
+"""Iterative learning control: a policy unlearns the errors that it makes in every cycle of one motion.
 
 In: a policy that walks. Out: a policy of the same shape.
 """

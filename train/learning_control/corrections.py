@@ -129,7 +129,7 @@ def corrected_step(
 
 
 def put_back(batch: ImitationBatch, fallen: NDArray[np.bool_]) -> None:
-    """Put who fell onto the reference."""
+    """Put the humanoids that fell onto the reference."""
     if fallen.any():
         indices = np.flatnonzero(fallen)
         batch.reset(indices, np.mod(batch.phases[indices], 1.0))

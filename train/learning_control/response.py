@@ -1,7 +1,7 @@
 """How the errors of a policy respond to corrections, and the corrections that this suggests.
 
 A leg that carries the humanoid moves the trunk and not itself, and the policy acts against what disturbs its
-balance: a hip responds to a correction in another way than a knee that swings. So the response is
+balance: a hip responds to a correction differently from a knee that swings. So the response is
 identified: humanoids walk with small corrections, and a regression on their mean errors gives the
 derivatives. A step along these is norm-optimal (Amann, Owens and Rogers 1996, Iterative learning control
 using optimal feedback and feedforward actions, International Journal of Control 65).
@@ -27,8 +27,8 @@ PROBES = 1 << _COEFFICIENTS.bit_length()
 _MOST_FALLEN = (PROBES - _COEFFICIENTS) // 2  # without them, the regression still has more rows than columns
 _PROBE = 0.01  # rad, of each coefficient
 _DAMPING = 0.1  # weight of the coefficients' squares, rad⁻², beside the weighted mean square error
-# The other joints and the pelvis shall stay where they are: weights of their turns, rad⁻¹. Those of knees and
-# hips are about 2.
+# The other joints and the pelvis should stay where they are: weights of their turns, rad⁻¹. Those of knees
+# and hips are about 2.
 _OTHERS_WEIGHT, _PELVIS_WEIGHT = 0.05, 0.5
 
 

@@ -92,7 +92,7 @@ class PpoAlgorithm:
 
     def begin_from(self, policy: Policy) -> None:
         """Start with the networks and the normaliser of a policy of the same shape; without its critic, the
-        critic starts anew."""
+        critic starts from random weights."""
         for network, layers in ((self.net.actor, policy.layers), (self.net.critic, policy.critic)):
             for (weight, bias), (own_weight, own_bias) in zip(layers, network.layers, strict=bool(layers)):
                 own_weight.copy_(torch.from_numpy(weight))

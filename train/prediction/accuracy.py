@@ -66,7 +66,7 @@ def _knees_and_hips(rotations: Array) -> Array:
 
 
 def _by_time(errors: Array, after: Sequence[int]) -> Errors:
-    """Of errors (N, 1 + FUTURE, 2, 2), rad, after so many frames."""
+    """RMSE in degrees, by seconds ahead, of errors (N, 1 + FUTURE, 2, 2) in rad."""
     rms = np.degrees(np.sqrt(np.mean(errors**2, axis=(0, -1))))
     return {
         f"{frames / CONTROL_RATE:.2f}": {

@@ -29,7 +29,7 @@ from kinemimic.train.sim.world import CONTROL_RATE
 
 BATCH = 512
 LEARNING_RATE = 1e-3  # Adam's at the start; it falls to 0 as a half cosine
-# A recorded second weighs as much as so many variants: they have people's own irregularities.
+# A recorded second weighs as much as this many variants: they have people's own irregularities.
 RECORDED = 3.0
 STILL = 0.03  # of the moments
 NOW = max(PAST) + 1  # frames of a window up to the moment, and of a noisy one

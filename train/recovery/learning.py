@@ -58,7 +58,7 @@ def learn_recoveries(
     if settings is None:
         raise ValueError("expected a configuration with recoveries")
     found = _found(motion, policy, config, settings, run / SEARCHES, workers, engine)
-    # Where no maneuver is good enough, the pupil shall go on as before.
+    # Where no maneuver is good enough, the pupil continues to act as before.
     taught = [one if one.after >= settings.taught else replace(one, knots=0.0 * one.knots) for one in found]
     shares = [_survival(motion, policy, config, engine)]
     best = policy

@@ -21,7 +21,8 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
-NOISE = 0.03  # in units of the action, of every second lesson: a pupil must also learn to act beside its way
+# In units of the action, of every second lesson: a pupil must also learn to act off its usual path.
+NOISE = 0.03
 _KEEPS = 0.85  # share of the noise that a control step keeps from the one before
 _STEPS = 13 * CONTROL_RATE // 3  # of a lesson, from the push on
 _BEFORE = 8  # control steps before the push that the lesson includes
@@ -31,7 +32,7 @@ _WEAKEST = 120.0  # N
 _HARDER = 1.2  # hardest push, as a factor on the hardest of the search: many maneuvers survive more
 # A weak push needs no maneuver: they are taken in full from _WHOLE, not at all below _NONE, N.
 _NONE, _WHOLE = 100.0, 200.0
-_OTHERS = 650.0  # N, hardest push from other directions, in which the pupil shall act as before
+_OTHERS = 650.0  # N, hardest push from other directions, after which the pupil has to act as before
 _APART = 0.25 * np.pi  # of the other directions from those that were searched
 
 

@@ -1,6 +1,6 @@
 """Search for a maneuver by which a humanoid survives a push that its policy does not.
 
-The exploration of a training, one to three degrees at a joint and drawn anew in every control step, never
+The exploration of a training, one to three degrees at a joint and drawn again in every control step, never
 takes a step that the reference does not take: it would have to keep the same turn of tens of degrees for half
 a second. The cross-entropy method (R. Rubinstein, "The cross-entropy method for combinatorial and continuous
 optimization", Methodology and Computing in Applied Probability 1, 1999) draws whole maneuvers, and finds such
@@ -32,7 +32,7 @@ _FORCE_SPREAD = 0.05  # share by which a force is stronger or weaker, at most
 _FIRST, _LEAST = 0.2, 0.05  # standard deviations of the draws, rad
 _SMOOTH = 0.6  # correlation of a draw from one knot to the next
 _KEPT_MEAN, _KEPT_STD = 0.2, 0.3  # shares of mean and standard deviation that an iteration keeps
-_FRESH = 3  # iterations after which the pushes are drawn anew
+_FRESH = 3  # iterations after which the pushes are drawn again
 _ENOUGH = 0.85  # share of all pushes survived by all candidates at which the search ends
 _EFFORT = 8.0  # control steps of survival that a maneuver of 1 rad² in the mean must be worth
 

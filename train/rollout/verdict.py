@@ -31,7 +31,7 @@ SMALL_ERROR_DEG, LARGE_ERROR_DEG = 2.0, 5.0
 FAIR_SPEED, POOR_SPEED = 0.1, 0.5
 # Distance from the reference at the end: fair beyond this share of the reference's path, and beyond metres.
 FAIR_PATH, SMALL_PATH_M = 0.1, 0.5
-# After so many samples, and twice the preset's own, a policy that still falls is the motion's fault.
+# If a policy still falls after this many samples, and twice the preset's own, the motion is at fault.
 MANY_SAMPLES = 3_000_000
 
 _VERBS = {"walk": "walks", "run": "runs", "motion": "moves"}

@@ -15,21 +15,21 @@ from kinemimic.retarget.humanoid.motion import Motion
 # m: a knee, an elbow, a hand or the head below it is on the ground, or on its way there.
 LOW = 0.15
 LOWEST_HIP = 0.55  # of its height in standing, of a gait
-LOWEST_SQUAT = 0.35  # the same of a motion on the spot: who squats deeper sits
+LOWEST_SQUAT = 0.35  # the same of a motion on the spot: deeper is sitting
 LARGEST_LEAN = np.radians(60.0)  # of the pelvis
 SLOWEST_WALK = 0.3  # m/s
 CLIMB = 0.25  # m, of the hip between start and end
-# Radians of a path, with a climb of so many metres in the capture. People walk up a ramp almost as on level
+# Radians of a path that climbs by more than CLIMB in the capture. People walk up a ramp almost as on level
 # ground; paths steeper than one in eight, the steepest ramps that are built for walking, are stairs.
 STEEP = np.arctan(1.0 / 8.0)
 _PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in SIDES), "head"]
 
 
 def without_strides(motion: Motion, report: Mapping[str, Any] | None = None) -> bool:
-    """Whether a motion is no gait, but an exercise or a gesture.
+    """Whether a motion is an exercise or a gesture instead of a gait.
 
-    report: its gait.json, if there is one, which knows the strides; without it, a motion that does not repeat
-    and comes forward more slowly than anyone walks is none.
+    report: its gait.json, if there is one, which lists the strides; without it, a motion that does not repeat
+    and advances more slowly than anyone walks has none.
     """
     if report is not None and "kind" in report:
         return bool(report["kind"] == "motion")
