@@ -22,6 +22,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions
+from kinemimic.pipeline.readers.segments.mvnx_chain import NOTE, chain_positions
 from kinemimic.pipeline.readers.segments.mvnx_text import Content, parse_mvnx
 
 FORMAT = Format(
@@ -50,7 +51,7 @@ def recognises(source: Source) -> bool:
 
 def read(source: Source) -> Clip:
     """The clip of the first subject's segments, with rotations if the file has them; the T-pose before the
-    movement is left out.
+    movement is left out. Without positions, they are computed from the rotations (mvnx_chain.py).
 
     angles: the file's own knees and hips. Raises CaptureError for damaged XML, and frames that do not fit the
     segments.
@@ -60,18 +61,14 @@ def read(source: Source) -> Clip:
     count = len(skeleton.names)
     if not content.frames:
         raise source.error(expected='frames of type "normal"', found="none")
-    positions = _values(content, "position", 3 * count, source).reshape(-1, count, 3)
     order = [content.segments.index(name) for name in skeleton.names]
-    positions = positions[:, order]
-    wrong = ~(np.abs(positions) <= _MAX_COORDINATE)  # NaN too
-    if wrong.any():
-        frame, segment, axis = (int(k) for k in np.argwhere(wrong)[0])
-        raise source.error(
-            expected=f"metres, at most {_MAX_COORDINATE:g}, at {skeleton.names[segment]}",
-            found=f"{positions[frame, segment, axis]:g}",
-            line=content.frames[frame].line,
-        )
     turns = _turns(content, skeleton, order, source)
+    notes = []
+    if turns is None or any("position" in frame.values for frame in content.frames):
+        positions = _positions(content, skeleton, order, source)
+    else:
+        positions = chain_positions(content, skeleton, turns, source)
+        notes.append(NOTE)
     times, later, defects = _times(content, source)
     if content.subjects > 1:
         text = f"{plural(content.subjects - 1, 'more subject')} in the file: the first is read"
@@ -86,6 +83,7 @@ def read(source: Source) -> Clip:
             units="m",
             units_rule="the format's",
             defects=defects,
+            notes=notes,
             version=content.version[:20],
             segments=count,
         ),
@@ -102,7 +100,7 @@ def _skeleton(content: Content, source: Source) -> Skeleton:
         raise source.error(
             expected="segments with labels of their own", found=", ".join(names)[:60] or "no segments"
         )
-    above = {below: upper for _, upper, below in content.joints}
+    above = {joint.below: joint.above for joint in content.joints}
     unknown = next((name for pair in above.items() for name in pair if name not in names), None)
     if unknown is not None:
         raise source.error(expected="joints between the segments", found=f"one at {unknown[:40]!r}")
@@ -116,6 +114,20 @@ def _skeleton(content: Content, source: Source) -> Skeleton:
         ordered += ready
     parents = tuple(ordered.index(above[name]) if name in above else -1 for name in ordered)
     return Skeleton(tuple(ordered), parents, np.zeros((len(ordered), 3)))
+
+
+def _positions(content: Content, skeleton: Skeleton, order: list[int], source: Source) -> Array:
+    """Positions (T, J, 3) of the segments' origins as MVN computed them."""
+    positions = _values(content, "position", 3 * len(order), source).reshape(-1, len(order), 3)[:, order]
+    wrong = ~(np.abs(positions) <= _MAX_COORDINATE)  # NaN too
+    if wrong.any():
+        frame, segment, axis = (int(k) for k in np.argwhere(wrong)[0])
+        raise source.error(
+            expected=f"metres, at most {_MAX_COORDINATE:g}, at {skeleton.names[segment]}",
+            found=f"{positions[frame, segment, axis]:g}",
+            line=content.frames[frame].line,
+        )
+    return positions
 
 
 def _turns(content: Content, skeleton: Skeleton, order: list[int], source: Source) -> Array | None:
@@ -171,7 +183,7 @@ def _times(content: Content, source: Source) -> tuple[Array, Mask, list[Defect]]
 
 def _angles(content: Content, later: Mask, source: Source) -> dict[str, Array] | None:
     """MVN's own knees and hips (T,) in radians, if the file has them."""
-    labels = [label for label, *_ in content.joints]
+    labels = [joint.label for joint in content.joints]
     if any("jointAngle" not in frame.values for frame in content.frames):
         return None
     values = np.radians(_values(content, "jointAngle", 3 * len(labels), source)[later])

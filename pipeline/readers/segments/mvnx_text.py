@@ -1,13 +1,14 @@
 """The content of an MVNX file that a clip is made of, from the events of an XML parser.
 
-Only segments, joints and the frames' positions, orientations and joint angles are kept. Entities, with which
-a small XML file can be made to fill the memory or to include other files, are refused.
+Only segments with their points, joints and the frames' positions, orientations and joint angles are kept.
+Entities, with which a small XML file can be made to fill the memory or to include other files, are refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 from xml.parsers import expat
 
 from kinemimic.pipeline.errors import CaptureError
@@ -30,16 +31,27 @@ class Frame:
     values: dict[str, list[float]] = field(default_factory=dict)
 
 
+class Joint(NamedTuple):
+    """A joint's label; the segments that it connects, and which of their points it is."""
+
+    label: str
+    above: str
+    below: str
+    point_above: str
+    point_below: str
+
+
 @dataclass
 class Content:
     """version: of the format; rate: Hz as stated, or ""; segments: labels in the order of the numbers;
-    joints: label, and the segments that it connects, upper and lower; frames: of the first subject; subjects:
-    how many the file has."""
+    points: segment and point -> its place on the segment, metres; joints: between the segments; frames: of
+    the first subject; subjects: how many the file has."""
 
     version: str = ""
     rate: str = ""
     segments: list[str] = field(default_factory=list)
-    joints: list[tuple[str, str, str]] = field(default_factory=list)
+    points: dict[tuple[str, str], list[float]] = field(default_factory=dict)
+    joints: list[Joint] = field(default_factory=list)
     frames: list[Frame] = field(default_factory=list)
     subjects: int = 0
 
@@ -76,7 +88,8 @@ class _Handlers:
         self.content = Content()
         self.frame: Frame | None = None
         self.words: list[str] | None = None
-        self.joint = ["", "", ""]
+        self.joint = Joint("", "", "", "", "")
+        self.point = ""
 
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
         # A namespace's prefix, which some writers use, says nothing here.
@@ -92,25 +105,33 @@ class _Handlers:
         elif name == "segment" and self.frame is None:
             self.content.segments.append(attributes.get("label", ""))
         elif name == "joint":
-            self.joint = [attributes.get("label", ""), "", ""]
+            self.joint = Joint(attributes.get("label", ""), "", "", "", "")
+        elif name == "point":
+            self.point = attributes.get("label", "")
         elif name == "frame":
             self._start_frame(attributes)
-        elif name in ("connector1", "connector2") or (name in FIELDS and self.frame is not None):
+        elif name in ("connector1", "connector2", "pos_b") or (name in FIELDS and self.frame is not None):
             self.words = []
 
     def end(self, name: str) -> None:
         name = name.rpartition(":")[2]
         if name == "frame":
             self.frame = None
-        elif name == "joint" and self.joint[1]:
-            label, above, below = self.joint
-            self.content.joints.append((label, above, below))
-            self.joint = ["", "", ""]
+        elif name == "joint" and self.joint.above:
+            self.content.joints.append(self.joint)
+            self.joint = Joint("", "", "", "", "")
         elif self.words is not None:
             text, self.words = "".join(self.words), None
             if name.startswith("connector"):
                 # "Pelvis/jL5S1": the segment, and its point that is the joint.
-                self.joint[int(name[-1])] = text.strip().partition("/")[0]
+                segment, _, point = text.strip().partition("/")
+                self.joint = (
+                    self.joint._replace(above=segment, point_above=point)
+                    if name == "connector1"
+                    else self.joint._replace(below=segment, point_below=point)
+                )
+            elif name == "pos_b" and self.content.segments:
+                self.content.points[self.content.segments[-1], self.point] = numbers_of(text, None) or []
             elif self.frame is not None and name in FIELDS:
                 values = numbers_of(text, None)
                 if values is None:

@@ -12,12 +12,13 @@ from samples import mvnx as sample
 from samples import source_of
 from samples.motion import rigid_walk
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orientation.rest_pose import node_rotations_of
-from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.rotations import angle_between, conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.readers import recognise
@@ -53,6 +54,48 @@ def test_the_walk() -> None:
     for node in ("hip_left", "knee_left", "elbow_right"):
         apart = angle_between(recorded.rotations[:, NODE_INDEX[node]], shown.rotations[:, NODE_INDEX[node]])
         assert apart.max() < np.radians(1.0)
+
+
+def with_points(text: str, places: dict[str, Array]) -> str:
+    """The file without positions, with the places (3,) of the joints on the segments above them."""
+    text = re.sub(r"<position>.*?</position>", "", text, flags=re.DOTALL)
+    points: dict[str, list[str]] = {name: [] for name, *_ in sample.TREE}
+    for name, joint, above, *_ in sample.TREE[1:]:
+        for segment, place in ((above, places[name]), (name, np.zeros(3))):
+            at = " ".join(f"{x:.6f}" for x in place)
+            points[segment].append(f'<point label="{joint}"><pos_b>{at}</pos_b></point>')
+    for name, lines in points.items():
+        text = re.sub(f'(<segment label="{name}"[^>]*>)', rf"\1<points>{''.join(lines)}</points>", text)
+    return text
+
+
+def test_without_positions_the_segments_hang_together() -> None:
+    places = {
+        name: np.round(place, 6)
+        for name, place in zip(
+            (name for name, *_ in sample.TREE), np.random.default_rng(7).normal(0, 0.2, (23, 3)), strict=True
+        )
+    }
+    clip, whole = read(with_points(TEXT, places)), read(TEXT)
+    assert clip.rotations is not None and whole.rotations is not None
+    assert np.array_equal(clip.rotations, whole.rotations)
+    turns = forward_kinematics(clip.skeleton, np.zeros_like(clip.positions), clip.rotations)[1]
+    for segment, parent in enumerate(clip.skeleton.parents):
+        if parent >= 0:
+            apart = clip.positions[:, segment] - clip.positions[:, parent]
+            on_segment = rotate(conjugate(turns[:, parent]), apart)
+            assert np.abs(on_segment - places[clip.skeleton.names[segment]]).max() < 1e-9
+    assert np.ptp(clip.positions[:, 0], axis=0).max() == 0.0
+    assert 0.0 < clip.positions[..., 2].min() < 0.05
+    assert "the pelvis stays in place" in clip.provenance["reading"]["notes"][0]
+
+
+def test_without_positions_and_places_of_the_joints_it_is_refused() -> None:
+    text = re.sub(r"<position>.*?</position>", "", TEXT, flags=re.DOTALL)
+    with pytest.raises(CaptureError, match=r"neither at 'jL5S1'; export the segments' positions from MVN"):
+        read(text)
+    with pytest.raises(CaptureError, match="expected 69 numbers in <position>, found none"):
+        read(re.sub(r"<orientation>.*?</orientation>", "", text, flags=re.DOTALL))
 
 
 def test_frames_before_the_movement_are_left_out_and_old_versions_have_no_types() -> None:
@@ -110,6 +153,14 @@ def test_damage_is_named(change: Callable[[str], str], says: str) -> None:
         read(change(TEXT))
 
 
+def test_mvn_s_own_positions_follow_from_its_orientations(sensors: Path) -> None:
+    path = sensors / "xsens_mvnx" / "test_mocap.mvnx"
+    own = recognise.read(path).positions
+    text = re.sub(r"<position>.*?</position>", "", path.read_text(), flags=re.DOTALL)
+    computed = read(text).positions
+    assert np.abs(computed - computed[:, :1] - (own - own[:, :1])).max() < 0.002
+
+
 def test_published_file(sensors: Path) -> None:
     """An upper body's: MVN keeps the legs straight, and so do we; elbows bend as MVN says."""
     path = sensors / "xsens_mvnx" / "test_mocap.mvnx"
@@ -124,7 +175,7 @@ def test_published_file(sensors: Path) -> None:
         assert np.abs(ours[name] - own).max() < np.radians(0.1)
     # The elbow moves. Abduction and flexion, of a rotation in the order ZXY, bend the forearm by this much.
     content = parse_mvnx(Source.open(path))
-    joint = [label for label, *_ in content.joints].index("jRightElbow")
+    joint = [joint.label for joint in content.joints].index("jRightElbow")
     own = np.radians([frame.values["jointAngle"][3 * joint :][:3] for frame in content.frames])
     upper, lower = (
         unit(positions[:, NODE_INDEX[f"{end}_right"]] - positions[:, NODE_INDEX[f"{start}_right"]])
