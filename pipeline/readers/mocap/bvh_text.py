@@ -137,7 +137,7 @@ def parse(source: Source) -> BvhText:
             found=f"{len(bvh.joints)} joints in {frame_count} frames",
             line=marker + 2,
         )
-    table = parse_table(source, start=start, width=width)
+    table = parse_table(_unwrapped(source, start, width), start=start, width=width)
     bvh.motion, bvh.declared = table.values, frames
     known = np.isfinite(bvh.motion).all(axis=1)
     wrong: Mask = np.asarray(~(np.abs(bvh.motion) < MAX_NUMBER))  # NaN too
@@ -153,6 +153,32 @@ def parse(source: Source) -> BvhText:
     if not known.all():
         bvh.motion = bvh.motion[known]
     return bvh
+
+
+def _unwrapped(source: Source, start: int, width: int) -> Source:
+    """The source with each frame whole in its first line, if the numbers of a frame, `width`, are wrapped
+    over several lines; itself if they are not.
+
+    Raises CaptureError for a line that is longer or shorter than in the first frame, if it is not the last.
+    """
+    filled = [number for number in range(start, len(source.lines)) if source.lines[number].strip()]
+    counts = np.cumsum([len(source.lines[number].split()) for number in filled[: width + 1]])
+    if width not in counts[1:]:
+        return source
+    rows = int(np.searchsorted(counts, width)) + 1  # of a frame
+    lines = list(source.lines)
+    for place, number in enumerate(filled):
+        words = lines[number].split()
+        first = filled[place % rows]
+        wanted = len(source.lines[first].split())
+        if len(words) != wanted and number != filled[-1]:
+            raise source.error(
+                expected=f"{wanted} numbers, as in line {first + 1}", found=f"{len(words)}", line=number + 1
+            )
+        if place % rows:
+            lines[number] = ""
+            lines[filled[place - place % rows]] += " " + " ".join(words)
+    return source.with_text("\n".join(lines))
 
 
 def _last_line(source: Source) -> str:

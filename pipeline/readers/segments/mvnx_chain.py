@@ -20,9 +20,8 @@ NOTE = (
     "place"
 )
 _AXES = 3
-_LOWEST = (
-    0.02  # metres of the lowest joint above the ground, usually a toe's; at the origin it would be missing
-)
+# Metres of the lowest joint, usually a toe's, above the ground; a joint at the origin would count as missing.
+_LOWEST = 0.02
 
 
 def chain_positions(content: Content, skeleton: Skeleton, turns: Array, source: Source) -> Array:

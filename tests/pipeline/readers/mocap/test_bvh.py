@@ -238,6 +238,24 @@ def test_frames_that_are_there_are_read_whatever_the_file_declares(bvh: Text) ->
     assert more.provenance["reading"]["notes"] == ["the file declares 39 frames but has 40: all are read"]
 
 
+def test_frames_that_are_wrapped_over_several_lines(bvh: Text) -> None:
+    lines = bvh().rstrip("\n").split("\n")
+    start = next(k for k, line in enumerate(lines) if line.startswith("Frame Time")) + 1
+    wrapped = lines[:start]
+    for line in lines[start:]:
+        words = line.split()
+        wrapped += [" ".join(words[k : k + 10]) for k in range(0, len(words), 10)]
+    clip = reader.read(source_of("\n".join(wrapped) + "\n", PATH))
+    assert np.array_equal(clip.positions, reader.read(source_of(bvh(), PATH)).positions)
+    cut = f"line {len(wrapped) - 3}: expected 37 numbers, found 30; the file is cut off there"
+    with pytest.raises(CaptureError, match=cut):
+        reader.read(source_of("\n".join(wrapped[:-1]) + "\n", PATH))
+    del wrapped[start + 5]
+    says = f"line {start + 7}: expected 10 numbers, as in line {start + 3}, found 7"
+    with pytest.raises(CaptureError, match=says):
+        reader.read(source_of("\n".join(wrapped) + "\n", PATH))
+
+
 def test_decimal_commas(bvh: Text) -> None:
     motion = np.round(t_pose_before(30, 0), 3) + 0.0001
     points = bvh(motion=motion)
