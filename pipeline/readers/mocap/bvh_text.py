@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,12 +162,13 @@ def _unwrapped(source: Source, start: int, width: int) -> Source:
 
     Raises CaptureError for a line that is longer or shorter than in the first frame, if it is not the last.
     """
-    filled = [number for number in range(start, len(source.lines)) if source.lines[number].strip()]
-    counts = np.cumsum([len(source.lines[number].split()) for number in filled[: width + 1]])
+    lines = list(source.lines)
+    head = islice((line for line in lines[start:] if line.strip()), width)
+    counts = np.cumsum([len(line.split()) for line in head])
     if width not in counts[1:]:
         return source
     rows = int(np.searchsorted(counts, width)) + 1  # of a frame
-    lines = list(source.lines)
+    filled = [number for number in range(start, len(lines)) if lines[number].strip()]
     for place, number in enumerate(filled):
         words = lines[number].split()
         first = filled[place % rows]
