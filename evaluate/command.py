@@ -29,7 +29,7 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
       kinemimic evaluate --policy walk
       kinemimic evaluate --run runs/walk/simulate/session-1
     """
-    from kinemimic.evaluate.simulate.recording import SESSION  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.simulate.session.recording import SESSION  # noqa: PLC0415 (import cost)
 
     if (run / SESSION).exists():
         _session(run, as_json)

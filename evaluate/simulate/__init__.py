@@ -1,4 +1,4 @@
-"""An interactive simulation: a session in real time, its page in a browser, its recording.
+"""An interactive simulation in real time: the loop between a session (`session`) and its page (`page`).
 
-In: a motion, a policy and what people do on the page. Out: a session's recording, which replays to the bit.
+In: a motion, a policy and what people do on the page. Out: recordings of sessions, which replay to the bit.
 """

@@ -39,11 +39,11 @@ def simulate(
     """
     # Import cost, and viser may not be installed.
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415
     from kinemimic.evaluate.simulate.loop import Loop, Performance  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.recording import begin_session, replay_command  # noqa: PLC0415
-    from kinemimic.evaluate.simulate.session import Session  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.page.controls import Choices  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.page.page import Page  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.session.recording import begin_session, replay_command  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.session.session import Session  # noqa: PLC0415
     from kinemimic.train.sim.world import CONTROL_RATE  # noqa: PLC0415
 
     engine = resolve(engine)

@@ -10,10 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING, Frame
-from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Ground, Input, checked, finite
-from kinemimic.evaluate.simulate.recording import Recorder, next_folder, replay_command
-from kinemimic.evaluate.simulate.requests import (
+from kinemimic.evaluate.simulate.page.requests import (
     Choose,
     Redraw,
     Request,
@@ -22,7 +19,10 @@ from kinemimic.evaluate.simulate.requests import (
     TogglePause,
     ToggleRecording,
 )
-from kinemimic.evaluate.simulate.session import Session
+from kinemimic.evaluate.simulate.session.frame import PAUSED, RECORDING, Frame
+from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Enter, Ground, Input, checked, finite
+from kinemimic.evaluate.simulate.session.recording import Recorder, next_folder, replay_command
+from kinemimic.evaluate.simulate.session.session import Session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.plural import plural

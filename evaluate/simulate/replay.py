@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.film.figures import humanoids
-from kinemimic.evaluate.simulate.frame import Frame, Score
-from kinemimic.evaluate.simulate.recording import Replay
+from kinemimic.evaluate.simulate.session.frame import Frame, Score
+from kinemimic.evaluate.simulate.session.recording import Replay
 from kinemimic.evaluate.view.command import how_to_open, write_recording
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.pipeline.arrays import Array

@@ -23,7 +23,7 @@ from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option
 
 if TYPE_CHECKING:
-    from kinemimic.evaluate.simulate.page import Page
+    from kinemimic.evaluate.simulate.page.page import Page
     from kinemimic.evaluate.stream.source import Source
 
 DEFAULT_PAGE, DEFAULT_UDP = 8090, 8095
@@ -127,7 +127,7 @@ def command(
       sender | kinemimic stream --stdin --no-page --json
     """
     from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415 (import cost)
-    from kinemimic.evaluate.simulate.frame import LiveSettings  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.session.frame import LiveSettings  # noqa: PLC0415
     from kinemimic.evaluate.stream.live import stream  # noqa: PLC0415
     from kinemimic.train.sim.world import CONTROL_RATE  # noqa: PLC0415
 
@@ -172,8 +172,8 @@ def command(
 
 def _page(port: int, policy: str, source: Source) -> Page:
     """The page, on which policy, motion and phase are given; only a file waits while time is slowed."""
-    from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415 (loads viser)
-    from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.page.controls import Choices  # noqa: PLC0415 (loads viser)
+    from kinemimic.evaluate.simulate.page.page import Page  # noqa: PLC0415
     from kinemimic.evaluate.stream.live import SOURCE  # noqa: PLC0415
 
     choices = Choices((policy,), (SOURCE,), (), policy, SOURCE, phases=False, slower=source.waits)
@@ -181,8 +181,8 @@ def _page(port: int, policy: str, source: Source) -> Page:
 
 
 def _words(found: dict[str, Any]) -> list[str]:
-    from kinemimic.evaluate.simulate.frame import Score  # noqa: PLC0415 (import cost)
-    from kinemimic.evaluate.simulate.recording import replay_command  # noqa: PLC0415
+    from kinemimic.evaluate.simulate.session.frame import Score  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.simulate.session.recording import replay_command  # noqa: PLC0415
 
     latency = found["latency_ms"]
     behind = "" if latency is None else f", {latency['median']:.0f} ms behind (99 %: {latency['p99']:.0f} ms)"

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.frame import LiveSettings
-from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.loop import Loop, PageView, Performance
-from kinemimic.evaluate.simulate.recording import SESSION, begin_live_session
+from kinemimic.evaluate.simulate.session.frame import LiveSettings
+from kinemimic.evaluate.simulate.session.live_session import LiveSession
+from kinemimic.evaluate.simulate.session.recording import SESSION, begin_live_session
 from kinemimic.evaluate.stream.file_player import FilePlayer, Viewers
 from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.evaluate.stream.source import Source

@@ -5,11 +5,11 @@ from __future__ import annotations
 import queue
 from collections import Counter
 
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.inputs import Input
-from kinemimic.evaluate.simulate.live_session import LiveSession
 from kinemimic.evaluate.simulate.loop import PageView
-from kinemimic.evaluate.simulate.requests import Request
+from kinemimic.evaluate.simulate.page.requests import Request
+from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.inputs import Input
+from kinemimic.evaluate.simulate.session.live_session import LiveSession
 from kinemimic.evaluate.stream.source import Source
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.recogniser import Reading

@@ -29,12 +29,12 @@ import torch
 
 from kinemimic.evaluate.policies.shipped import ShippedPolicies
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.companions import AccompaniedSession
-from kinemimic.evaluate.simulate.controls import Choices
-from kinemimic.evaluate.simulate.inputs import Drag
 from kinemimic.evaluate.simulate.loop import Loop, Performance
-from kinemimic.evaluate.simulate.page import Page
-from kinemimic.evaluate.simulate.session import Session
+from kinemimic.evaluate.simulate.page.controls import Choices
+from kinemimic.evaluate.simulate.page.page import Page
+from kinemimic.evaluate.simulate.session.companions import AccompaniedSession
+from kinemimic.evaluate.simulate.session.inputs import Drag
+from kinemimic.evaluate.simulate.session.session import Session
 from kinemimic.pipeline.parallel.worker import worker_environment
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.reference.reference import Reference

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from following import SECONDS, SHARED, played
 
-from kinemimic.evaluate.simulate.frame import LiveSettings
-from kinemimic.evaluate.simulate.recording import begin_live_session
+from kinemimic.evaluate.simulate.session.frame import LiveSettings
+from kinemimic.evaluate.simulate.session.recording import begin_live_session
 from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import convert, on_nodes, read_converted

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from following import SHARED, follow, steadiness
 
-from kinemimic.evaluate.simulate.frame import LiveSettings
-from kinemimic.evaluate.simulate.live_session import LiveSession
+from kinemimic.evaluate.simulate.session.frame import LiveSettings
+from kinemimic.evaluate.simulate.session.live_session import LiveSession
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.capture import Moment
 from kinemimic.retarget.live.performer import Performed

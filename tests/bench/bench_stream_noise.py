@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from against_truth import REPORT_SEEDS
 from following import SHARED, follow, steadiness
 
-from kinemimic.evaluate.simulate.frame import LiveSettings
+from kinemimic.evaluate.simulate.session.frame import LiveSettings
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES

@@ -46,11 +46,11 @@ from peers.browser import chromium
 from samples.walker import walker
 
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.controls import Choices
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.page import Page
-from kinemimic.evaluate.simulate.recording import SESSION, Replay
-from kinemimic.evaluate.simulate.stage import FOLLOWED
+from kinemimic.evaluate.simulate.page.controls import Choices
+from kinemimic.evaluate.simulate.page.page import Page
+from kinemimic.evaluate.simulate.page.stage import FOLLOWED
+from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.recording import SESSION, Replay
 from kinemimic.evaluate.stream.command import prepare
 from kinemimic.evaluate.stream.live import SOURCE, stream
 from kinemimic.evaluate.stream.sockets import Udp

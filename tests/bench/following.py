@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings
-from kinemimic.evaluate.simulate.live_session import LiveSession
-from kinemimic.evaluate.simulate.recording import begin_live_session
+from kinemimic.evaluate.simulate.session.frame import Frame, LiveSettings
+from kinemimic.evaluate.simulate.session.live_session import LiveSession
+from kinemimic.evaluate.simulate.session.recording import begin_live_session
 from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.rollout.tracker_file import tracker_path

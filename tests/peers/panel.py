@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.page import Page
+from kinemimic.evaluate.simulate.page.page import Page
+from kinemimic.evaluate.simulate.session.frame import Frame
 
 
 class Panel:

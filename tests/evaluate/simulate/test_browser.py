@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from peers.browser import CHROMIUM, Watched, chromium, served
 
-from kinemimic.evaluate.simulate.recording import Replay
+from kinemimic.evaluate.simulate.session.recording import Replay
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.scenario.scenario_file import scenario
 

@@ -13,8 +13,18 @@ from safetensors.numpy import load_file, save_file
 
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.simulate.clock import Clock
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.inputs import (
+from kinemimic.evaluate.simulate.loop import Loop, Performance
+from kinemimic.evaluate.simulate.page.requests import (
+    Choose,
+    Redraw,
+    SetSpeed,
+    StepOnce,
+    TogglePause,
+    ToggleRecording,
+)
+from kinemimic.evaluate.simulate.repertoire import Repertoire
+from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.inputs import (
     Carry,
     Drag,
     Enter,
@@ -24,17 +34,7 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
-from kinemimic.evaluate.simulate.loop import Loop, Performance
-from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
-from kinemimic.evaluate.simulate.repertoire import Repertoire
-from kinemimic.evaluate.simulate.requests import (
-    Choose,
-    Redraw,
-    SetSpeed,
-    StepOnce,
-    TogglePause,
-    ToggleRecording,
-)
+from kinemimic.evaluate.simulate.session.recording import SESSION, Recorder, Replay, begin_session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.live.frame import CapturedFrame

@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner
 from samples.walker import standing, walker
 
-from kinemimic.evaluate.simulate.recording import SESSION, Replay
-from kinemimic.evaluate.simulate.requests import ToggleRecording
+from kinemimic.evaluate.simulate.page.requests import ToggleRecording
+from kinemimic.evaluate.simulate.session.recording import SESSION, Replay
 from kinemimic.evaluate.stream.command import _words, command, prepare
 from kinemimic.evaluate.stream.live import stream
 from kinemimic.evaluate.stream.source import Faults

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.frame import LiveView
+from kinemimic.evaluate.simulate.session.frame import LiveView
 from kinemimic.evaluate.stream.source import Faults
 from kinemimic.evaluate.stream.watched import NoPage, Watched
 

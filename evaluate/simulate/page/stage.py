@@ -16,7 +16,7 @@ import viser
 from kinemimic.evaluate.film import arrow_scales
 from kinemimic.evaluate.film.figures import COLORS, REFERENCE, SIMULATED
 from kinemimic.evaluate.film.solids import shaded_side
-from kinemimic.evaluate.simulate.frame import Frame
+from kinemimic.evaluate.simulate.session.frame import Frame
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.orientation.trunk import swing

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView
-from kinemimic.evaluate.simulate.inputs import Enter, Input, Restart
-from kinemimic.evaluate.simulate.session import Session, policy_actions
+from kinemimic.evaluate.simulate.session.frame import Frame, LiveSettings, LiveView
+from kinemimic.evaluate.simulate.session.inputs import Enter, Input, Restart
+from kinemimic.evaluate.simulate.session.session import Session, policy_actions
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.capture import FORGET, LiveCapture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.score_window import speed_ratio
+from kinemimic.evaluate.simulate.session.score_window import speed_ratio
 
 
 def test_a_humanoid_that_walks_backward_has_a_negative_speed() -> None:

@@ -13,8 +13,9 @@ import pytest
 from click.testing import CliRunner
 
 from kinemimic.evaluate.command import command
-from kinemimic.evaluate.simulate.frame import Frame, Score
-from kinemimic.evaluate.simulate.inputs import (
+from kinemimic.evaluate.simulate.replay import replay_summary
+from kinemimic.evaluate.simulate.session.frame import Frame, Score
+from kinemimic.evaluate.simulate.session.inputs import (
     Carry,
     Clear,
     Drag,
@@ -26,10 +27,9 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
-from kinemimic.evaluate.simulate.obstacles import MAX_OBSTACLES
-from kinemimic.evaluate.simulate.recording import SESSION, Recorder, Replay, begin_session
-from kinemimic.evaluate.simulate.replay import replay_summary
-from kinemimic.evaluate.simulate.session import LYING, Session
+from kinemimic.evaluate.simulate.session.obstacles import MAX_OBSTACLES
+from kinemimic.evaluate.simulate.session.recording import SESSION, Recorder, Replay, begin_session
+from kinemimic.evaluate.simulate.session.session import LYING, Session
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import rotate
@@ -173,7 +173,7 @@ def test_a_trial_without_a_place_for_its_obstacles_changes_nothing(
     def full(*_: object) -> None:
         raise KinemimicError("found it in the torso")
 
-    monkeypatch.setattr("kinemimic.evaluate.simulate.session.draw_event_schedule", full)
+    monkeypatch.setattr("kinemimic.evaluate.simulate.session.session.draw_event_schedule", full)
     for event in (Restart(0.5), Enter("room", 1)):
         with pytest.raises(KinemimicError, match="in the torso"):
             session.apply(event)

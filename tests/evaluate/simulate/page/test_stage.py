@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.stage import _without_drag, upright
+from kinemimic.evaluate.simulate.page.stage import _without_drag, upright
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.scenario.event_schedule import slope_tilt

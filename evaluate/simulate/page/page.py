@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 import viser
 
-from kinemimic.evaluate.simulate.controls import Actions, Choices, Controls
-from kinemimic.evaluate.simulate.frame import Frame
-from kinemimic.evaluate.simulate.guard import HOST, Guard, free_port, guarded, never_share
-from kinemimic.evaluate.simulate.inputs import Drag, Input, Release, finite
-from kinemimic.evaluate.simulate.requests import Request
-from kinemimic.evaluate.simulate.stage import Stage
+from kinemimic.evaluate.simulate.page.controls import Actions, Choices, Controls
+from kinemimic.evaluate.simulate.page.guard import HOST, Guard, free_port, guarded, never_share
+from kinemimic.evaluate.simulate.page.requests import Request
+from kinemimic.evaluate.simulate.page.stage import Stage
+from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.inputs import Drag, Input, Release, finite
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
+from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Push, Release
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import rotate

@@ -11,9 +11,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from kinemimic.evaluate.simulate.controls import Choices
-from kinemimic.evaluate.simulate.guard import MAX_CONNECTIONS
-from kinemimic.evaluate.simulate.page import Page
+from kinemimic.evaluate.simulate.page.controls import Choices
+from kinemimic.evaluate.simulate.page.guard import MAX_CONNECTIONS
+from kinemimic.evaluate.simulate.page.page import Page
 
 viser = pytest.importorskip("viser")
 TOKEN = "a-token-of-a-test"

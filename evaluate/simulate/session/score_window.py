@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from kinemimic.evaluate.scoring.metrics.scores import advance_along
-from kinemimic.evaluate.simulate.frame import Frame, Score
+from kinemimic.evaluate.simulate.session.frame import Frame, Score
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.retarget.humanoid.motion import joint_angles

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.effects import heading_turn
-from kinemimic.evaluate.simulate.inputs import Throw
+from kinemimic.evaluate.simulate.session.effects import heading_turn
+from kinemimic.evaluate.simulate.session.inputs import Throw
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.train.scenario.event_schedule import with_states
 from kinemimic.train.sim.world import BodyStates, Obstacle

@@ -16,11 +16,11 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 from msgspec import Meta, Struct
 
-from kinemimic.evaluate.simulate.companions import AccompaniedSession
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, Score
-from kinemimic.evaluate.simulate.inputs import Input, decoded
-from kinemimic.evaluate.simulate.live_session import LiveSession
-from kinemimic.evaluate.simulate.session import Session
+from kinemimic.evaluate.simulate.session.companions import AccompaniedSession
+from kinemimic.evaluate.simulate.session.frame import Frame, LiveSettings, Score
+from kinemimic.evaluate.simulate.session.inputs import Input, decoded
+from kinemimic.evaluate.simulate.session.live_session import LiveSession
+from kinemimic.evaluate.simulate.session.session import Session
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash
 from kinemimic.pipeline.files.validation.bounded import MEGABYTE, read_bounded

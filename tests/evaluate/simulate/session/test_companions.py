@@ -7,11 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.companions import APART, BEHIND
-from kinemimic.evaluate.simulate.frame import Companions, Frame
-from kinemimic.evaluate.simulate.inputs import Carry, Clear, Drag, Enter, Ground, Input, Push, Restart, Throw
-from kinemimic.evaluate.simulate.recording import begin_session
-from kinemimic.evaluate.simulate.session import LYING, Session
+from kinemimic.evaluate.simulate.session.companions import APART, BEHIND
+from kinemimic.evaluate.simulate.session.frame import Companions, Frame
+from kinemimic.evaluate.simulate.session.inputs import (
+    Carry,
+    Clear,
+    Drag,
+    Enter,
+    Ground,
+    Input,
+    Push,
+    Restart,
+    Throw,
+)
+from kinemimic.evaluate.simulate.session.recording import begin_session
+from kinemimic.evaluate.simulate.session.session import LYING, Session
 from kinemimic.train.scenario.scenario_file import scenario
 
 ENGINE = "pybullet"

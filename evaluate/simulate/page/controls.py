@@ -11,8 +11,17 @@ import numpy as np
 import viser
 from viser import uplot
 
-from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING, Frame
-from kinemimic.evaluate.simulate.inputs import (
+from kinemimic.evaluate.simulate.page.requests import (
+    Choose,
+    Redraw,
+    Request,
+    SetSpeed,
+    StepOnce,
+    TogglePause,
+    ToggleRecording,
+)
+from kinemimic.evaluate.simulate.session.frame import PAUSED, RECORDING, Frame
+from kinemimic.evaluate.simulate.session.inputs import (
     Carry,
     Clear,
     Enter,
@@ -21,15 +30,6 @@ from kinemimic.evaluate.simulate.inputs import (
     Push,
     Restart,
     Throw,
-)
-from kinemimic.evaluate.simulate.requests import (
-    Choose,
-    Redraw,
-    Request,
-    SetSpeed,
-    StepOnce,
-    TogglePause,
-    ToggleRecording,
 )
 from kinemimic.train.sim.world import CONTROL_RATE
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.simulate.effects import Effects, heading_turn, weights
-from kinemimic.evaluate.simulate.frame import Companions, Frame
-from kinemimic.evaluate.simulate.inputs import Carry, Clear, Enter, Ground, Input, Push, Restart
-from kinemimic.evaluate.simulate.session import LYING, Session, policy_actions
+from kinemimic.evaluate.simulate.session.effects import Effects, heading_turn, weights
+from kinemimic.evaluate.simulate.session.frame import Companions, Frame
+from kinemimic.evaluate.simulate.session.inputs import Carry, Clear, Enter, Ground, Input, Push, Restart
+from kinemimic.evaluate.simulate.session.session import LYING, Session, policy_actions
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.live.frame import CapturedFrame

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from peers.panel import Panel
 
-from kinemimic.evaluate.simulate.controls import Choices
-from kinemimic.evaluate.simulate.frame import PAUSED, RECORDING
-from kinemimic.evaluate.simulate.guard import HOST, free_port
-from kinemimic.evaluate.simulate.inputs import Carry, Drag, Enter, Push, Release
-from kinemimic.evaluate.simulate.page import Page
-from kinemimic.evaluate.simulate.recording import begin_session
-from kinemimic.evaluate.simulate.requests import Choose, Redraw
+from kinemimic.evaluate.simulate.page.controls import Choices
+from kinemimic.evaluate.simulate.page.guard import HOST, free_port
+from kinemimic.evaluate.simulate.page.page import Page
+from kinemimic.evaluate.simulate.page.requests import Choose, Redraw
+from kinemimic.evaluate.simulate.session.frame import PAUSED, RECORDING
+from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Enter, Push, Release
+from kinemimic.evaluate.simulate.session.recording import begin_session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario_file import scenario
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.effects import DAMPING, Effects, heading_turn, spring, weights
-from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
+from kinemimic.evaluate.simulate.session.effects import DAMPING, Effects, heading_turn, spring, weights
+from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Push, Release
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX

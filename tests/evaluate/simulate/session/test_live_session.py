@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from samples.walker import changing_bones, walker
 
-from kinemimic.evaluate.simulate.frame import LiveSettings
-from kinemimic.evaluate.simulate.inputs import Restart
-from kinemimic.evaluate.simulate.live_session import LiveSession
-from kinemimic.evaluate.simulate.recording import begin_live_session
+from kinemimic.evaluate.simulate.session.frame import LiveSettings
+from kinemimic.evaluate.simulate.session.inputs import Restart
+from kinemimic.evaluate.simulate.session.live_session import LiveSession
+from kinemimic.evaluate.simulate.session.recording import begin_live_session
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N

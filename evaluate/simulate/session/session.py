@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import trial_start
-from kinemimic.evaluate.simulate.effects import Effects, weights
-from kinemimic.evaluate.simulate.frame import Frame, LiveSettings, LiveView, Score
-from kinemimic.evaluate.simulate.inputs import (
+from kinemimic.evaluate.simulate.session.effects import Effects, weights
+from kinemimic.evaluate.simulate.session.frame import Frame, LiveSettings, LiveView, Score
+from kinemimic.evaluate.simulate.session.inputs import (
     Carry,
     Clear,
     Drag,
@@ -27,8 +27,8 @@ from kinemimic.evaluate.simulate.inputs import (
     Restart,
     Throw,
 )
-from kinemimic.evaluate.simulate.obstacles import Obstacles, thrown_by
-from kinemimic.evaluate.simulate.score_window import ScoreWindow
+from kinemimic.evaluate.simulate.session.obstacles import Obstacles, thrown_by
+from kinemimic.evaluate.simulate.session.score_window import ScoreWindow
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame

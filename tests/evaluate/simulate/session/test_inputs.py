@@ -5,7 +5,16 @@ import math
 import msgspec
 import pytest
 
-from kinemimic.evaluate.simulate.inputs import Carry, Drag, Ground, Push, Throw, checked, decoded, finite
+from kinemimic.evaluate.simulate.session.inputs import (
+    Carry,
+    Drag,
+    Ground,
+    Push,
+    Throw,
+    checked,
+    decoded,
+    finite,
+)
 from kinemimic.pipeline.errors import KinemimicError
 
 
