@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -17,22 +17,24 @@ from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.retarget.cyclic import CyclicFit
-from kinemimic.retarget.feet.balance import LARGEST_LEAN
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
 from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.fidelity import departure_warnings, departures
 from kinemimic.retarget.formats.gait_json import GAIT_SCHEMA
 from kinemimic.retarget.gate import check_report
-from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.retarget.loop_warnings import climb_warnings, knee_warnings
+from kinemimic.retarget.humanoid.motion import Motion, angles_at, joint_angles
 from kinemimic.retarget.measure import Measures, measure
+from kinemimic.retarget.motion_warnings import (
+    climb_warnings,
+    held_feet_warnings,
+    knee_warnings,
+    lean_warnings,
+)
 from kinemimic.retarget.noncyclic import NonCyclicFit
 from kinemimic.retarget.strides.climb import Climb, climb_of
 from kinemimic.retarget.strides.excerpt import Excerpt
 from kinemimic.retarget.strides.selection import Selection, why_strides_are_left_out
-
-HELD_FEET = 0.04  # m by which the nodes may come away from the recording when the feet are held
 
 
 def cyclic_report(
@@ -210,34 +212,6 @@ def noncyclic_report(
     return _with_findings(report, warnings)
 
 
-def lean_warnings(lean: float) -> list[str]:
-    """That the recorded body was turned upright by `lean` rad, if it was."""
-    if not lean:
-        return []
-    if lean > LARGEST_LEAN - 1e-6:
-        return [
-            f"the recorded body leans in standing by more than {np.degrees(LARGEST_LEAN):.0f}°, which no "
-            "tilt of the sensor explains, and was turned upright by no more: a person who sits, or holds on "
-            "to something, cannot be imitated without it"
-        ]
-    return [
-        f"the recorded body leans in standing by {np.degrees(lean):.0f}° more than it could without falling: "
-        "it was turned upright by this angle"
-    ]
-
-
-def held_feet_warnings(report: Mapping[str, Any]) -> list[str]:
-    """What it costs to hold the feet where they stand, from the gait.json of an excerpt as recorded."""
-    before, after = (report[part]["node_error_m"] for part in ("closed_form", "measures"))
-    if before is None or after is None or after - before < HELD_FEET:
-        return []
-    return [
-        f"with its feet held where they stand, the motion is {1e3 * after:.0f} mm from the recording on "
-        f"average, without {1e3 * before:.0f} mm: feet that slide or step are taken to stand; compare both "
-        "in `kinemimic view`"
-    ]
-
-
 def _speed_ahead(motion: Motion, times: Array, yaw: Array, bout: Bout) -> float:
     """Speed in m/s along the heading in the strides of walking, as `Bout.speed`, without its sign.
 
@@ -262,21 +236,9 @@ def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any
     }
 
 
-def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
-    """The motion's knee and hip angles (M,) in radians at phases (M,)."""
-    curves = joint_angles(motion.rotations)
-    frames = len(motion.root)
-    knots = np.arange(frames + 1) / frames if motion.cyclic else np.arange(frames) / (frames - 1)
-    at = np.mod(phase, 1.0) if motion.cyclic else phase
-    return {
-        name: np.interp(at, knots, np.append(curve, curve[0]) if motion.cyclic else curve)
-        for name, curve in curves.items()
-    }
-
-
 def _r2(fit: CyclicFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
     pick = np.ones(len(fit.strides.phase), bool) if mask is None else mask
-    fitted = reference_at(fit.motion, fit.strides.phase[pick])
+    fitted = angles_at(fit.motion, fit.strides.phase[pick])
     scores: dict[str, float | None] = {}
     for name in ANGLES:
         scores[name] = _n(r2(fit.captured[name][pick], fitted[name]))

@@ -116,3 +116,15 @@ def joint_angles(rotations: Array) -> dict[str, Array]:
             np.broadcast_to(IDENTITY, thigh.shape), np.zeros(3), rotate(thigh, down)
         )
     return {name: curves[name] for name in ANGLES}
+
+
+def angles_at(motion: Motion, phase: Array) -> dict[str, Array]:
+    """`joint_angles` of a motion at phases (M,), interpolated linearly."""
+    curves = joint_angles(motion.rotations)
+    frames = len(motion.root)
+    knots = np.arange(frames + 1) / frames if motion.cyclic else np.arange(frames) / (frames - 1)
+    at = np.mod(phase, 1.0) if motion.cyclic else phase
+    return {
+        name: np.interp(at, knots, np.append(curve, curve[0]) if motion.cyclic else curve)
+        for name, curve in curves.items()
+    }

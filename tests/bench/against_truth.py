@@ -30,7 +30,7 @@ from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.gate import check_report
-from kinemimic.retarget.report import reference_at
+from kinemimic.retarget.humanoid.motion import angles_at
 
 REPORT_SEEDS = range(10)
 # Defaults are chosen on these, e.g. that of `ingest --filter`.
@@ -119,7 +119,7 @@ def _row(capture: Path, run: Path, method: str | None) -> Row:
     return row._replace(
         raw=_rms(columns, true),
         cleaned=_rms({name: columns[f"clean_{name}"] for name in ANGLES}, true),
-        loop=_rms(reference_at(motion, columns["phase"]), true),
+        loop=_rms(angles_at(motion, columns["phase"]), true),
         trainable=not any(finding.severity == "refuse" for finding in findings),
     )
 

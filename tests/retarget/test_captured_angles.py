@@ -17,8 +17,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED, node_ske
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.humanoid.body import node_offsets
-from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.report import reference_at
+from kinemimic.retarget.humanoid.motion import angles_at, joint_angles
 from kinemimic.retarget.strides.sensor_reliability import SensorReliability
 
 
@@ -40,7 +39,7 @@ def test_loop_of_the_virtual_kinect_is_within_four_or_five_degrees_of_the_truth(
     assert json.loads((run / "gait.json").read_text())["simulated_capture"] and motion.simulated
     table = pq.read_table(run / "capture.parquet")
     table = table.filter(table["used"])
-    loop = reference_at(motion, table["phase"].to_numpy())
+    loop = angles_at(motion, table["phase"].to_numpy())
     for name in ANGLES:
         truth, raw = (table[column].to_numpy() for column in (f"truth_{name}", f"adjusted_{name}"))
         before, after = (float(np.degrees(np.sqrt(np.nanmean((x - truth) ** 2)))) for x in (raw, loop[name]))

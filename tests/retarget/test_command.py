@@ -24,8 +24,7 @@ from kinemimic.retarget.command import command, retarget
 from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import check_report
-from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.report import reference_at
+from kinemimic.retarget.humanoid.motion import angles_at, joint_angles
 from kinemimic.retarget.table import refusals, table
 
 FILES = ("motion.json", "motion.mcap", "gait.json", "capture.parquet")
@@ -103,13 +102,13 @@ def test_captured_rows_have_the_phase_of_the_motion(run):
     table = pq.read_table(run / "capture.parquet")
     table = table.filter(table["used"])
     columns = {name: table[name].to_numpy() for name in table.column_names}
-    reference = reference_at(motion, columns["phase"])
+    reference = angles_at(motion, columns["phase"])
     for name, curve in joint_angles(motion.rotations).items():
         # As read, with the noise of the sensor.
         assert r2(columns[name], reference[name]) > 0.75
         assert r2(columns[f"clean_{name}"], reference[name]) > 0.8
         # Frame k of the motion is phase k / T.
-        assert reference_at(motion, np.array([3 / len(curve)]))[name] == pytest.approx(curve[3])
+        assert angles_at(motion, np.array([3 / len(curve)]))[name] == pytest.approx(curve[3])
         assert f"truth_{name}" in columns
     assert set(columns["pass"]) == {0, 1, 2, 3}
 

@@ -18,9 +18,9 @@ from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
+from kinemimic.retarget.motion_warnings import held_feet_warnings, lean_warnings
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.report import held_feet_warnings, lean_warnings
 from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 
 

@@ -11,7 +11,7 @@ from samples.bouts import bouts_of
 from samples.walker import joined, walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.retarget.loop_warnings import climb_warnings
+from kinemimic.retarget.motion_warnings import climb_warnings
 from kinemimic.retarget.strides.climb import Climb, climb_of
 
 

@@ -13,13 +13,12 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.captured_angles import PassSpan
 from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic
-from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.report import reference_at
+from kinemimic.retarget.humanoid.motion import angles_at, joint_angles
 from kinemimic.retarget.strides.selection import select_bouts
 
 
 def scores(fit: CyclicFit) -> list[float]:
-    at = reference_at(fit.motion, fit.strides.phase)
+    at = angles_at(fit.motion, fit.strides.phase)
     return [r2(fit.captured[name], at[name]) for name in ANGLES]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kinemimic.retarget.loop_warnings import knee_warnings
+from kinemimic.retarget.motion_warnings import knee_warnings
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,69 @@
+"""Warnings about a motion that does not show how the person moved; `train` does not refuse it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kinemimic.pipeline.kinematics.skeleton import SIDES
+from kinemimic.retarget.feet.balance import LARGEST_LEAN
+
+# Least R² of a loop's knee against the pooled strides, by `SensorReliability.precise`. Real walks reach 0.83
+# (optical; half of them 0.99) and 0.33 (depth sensors, whose knee is off by many degrees; half of them 0.67).
+MIN_KNEE_R2 = {True: 0.8, False: 0.3}
+HELD_FEET = 0.04  # m by which the nodes may come away from the recording when the feet are held
+
+
+def knee_warnings(report: Mapping[str, Any]) -> list[str]:
+    """One sentence for the knees of a loop that most strides do not follow, from the value of gait.json."""
+    least = MIN_KNEE_R2[report["reliability"]["precise"]]
+    scores = {side: report["r2_loop_against_capture"].get(f"knee_{side}") for side in SIDES}
+    low = [f"{side} {value:.2f}" for side, value in scores.items() if value is not None and value < least]
+    if not low:
+        return []
+    return [
+        f"the strides differ in the knee: R² of the loop against them {', '.join(low)} (limit {least:g}); "
+        "they may include standing, turns or another gait: choose a part of the walk with --segment"
+    ]
+
+
+def climb_warnings(report: Mapping[str, Any]) -> list[str]:
+    """What the level loop leaves out of a walk up or down, from its gait.json."""
+    climb = report["climb"]
+    if not climb["certain"]:
+        return []
+    verb = "climbs" if climb["stride_m"] > 0.0 else "descends"
+    return [
+        f"levelled: the {report['kind']} {verb} {abs(climb['stride_m']):.2f} m per stride "
+        f"({abs(climb['angle_deg']):.1f}°)"
+    ]
+
+
+def lean_warnings(lean: float) -> list[str]:
+    """That the recorded body was turned upright by `lean` rad, if it was."""
+    if not lean:
+        return []
+    if lean > LARGEST_LEAN - 1e-6:
+        return [
+            f"the recorded body leans in standing by more than {np.degrees(LARGEST_LEAN):.0f}°, which no "
+            "tilt of the sensor explains, and was turned upright by no more: a person who sits, or holds on "
+            "to something, cannot be imitated without it"
+        ]
+    return [
+        f"the recorded body leans in standing by {np.degrees(lean):.0f}° more than it could without falling: "
+        "it was turned upright by this angle"
+    ]
+
+
+def held_feet_warnings(report: Mapping[str, Any]) -> list[str]:
+    """What it costs to hold the feet where they stand, from the gait.json of an excerpt as recorded."""
+    before, after = (report[part]["node_error_m"] for part in ("closed_form", "measures"))
+    if before is None or after is None or after - before < HELD_FEET:
+        return []
+    return [
+        f"with its feet held where they stand, the motion is {1e3 * after:.0f} mm from the recording on "
+        f"average, without {1e3 * before:.0f} mm: feet that slide or step are taken to stand; compare both "
+        "in `kinemimic view`"
+    ]
