@@ -72,40 +72,9 @@ def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array
     forces = BODY_MASSES[:, None] * (linear_rate + np.array([0.0, 0.0, GRAVITY]))
     moments = rotate(bodies.rotations, BODY_INERTIAS * turn + np.cross(spin, BODY_INERTIAS * spin))
     joints = bodies.positions - rotate(bodies.rotations, np.broadcast_to(BODY_CENTERS, (frames, 15, 3)))
-
-    arms = rotate(bodies.rotations[:, _OWNER], np.broadcast_to(_PLACES[:, :3], (frames, len(_OWNER), 3)))
-    places = bodies.positions[:, _OWNER] + arms
-    places[..., 2] -= _PLACES[:, 3]
-    velocities = bodies.linear[:, _OWNER] + np.cross(
-        bodies.angular[:, _OWNER], places - bodies.positions[:, _OWNER]
-    )
-    height = np.maximum(places[..., 2], 0.0) / HEIGHT
-    slip = np.sqrt(np.sum(velocities**2, axis=-1)) / SPEED
-    pushes = np.concatenate([CONE, np.ones((4, 1))], axis=1)  # (4, 3): force per unit along each edge
-
-    root = joints[:, 0]
-    wanted = np.concatenate(
-        [
-            forces.sum(axis=1),
-            (moments + np.cross(bodies.positions - root[:, None], forces)).sum(axis=1) / LEVER,
-        ],
-        axis=-1,
-    )
-    contact = np.zeros((frames, len(_OWNER), 3))
-    for t in range(frames):
-        near = np.flatnonzero((height[t] < BEYOND) & (slip[t] < BEYOND))
-        if not len(near):
-            continue
-        unit = np.repeat(pushes[None], len(near), axis=0)  # (P, 4, 3)
-        moment = np.cross((places[t, near] - root[t])[:, None], unit) / LEVER
-        matrix = np.concatenate([unit, moment], axis=-1).reshape(-1, 6).T  # (6, 4 P)
-        cost = COST * np.exp(0.5 * (height[t, near] ** 2 + slip[t, near] ** 2))
-        system = np.concatenate([matrix, np.diag(np.repeat(cost, 4))])
-        found, _ = nnls(
-            system, np.concatenate([wanted[t], np.zeros(4 * len(near))]), maxiter=STEPS * 4 * len(near)
-        )
-        contact[t, near] = np.einsum("pk,pki->pi", found.reshape(-1, 4), unit)
-
+    places = _contact_places(bodies)
+    about_root = (moments + np.cross(bodies.positions - joints[:, :1], forces)).sum(axis=1)
+    contact = _contact_forces(bodies, places, joints[:, 0], forces.sum(axis=1), about_root)
     turning = np.cross(places - bodies.positions[:, _OWNER], contact)
     for point, owner in enumerate(_OWNER):
         forces[:, owner] -= contact[:, point]
@@ -120,3 +89,40 @@ def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array
         )
     torques = rotate(conjugate(bodies.rotations[:, 1:]), moment[:, 1:])
     return InverseDynamics(torques, contact.sum(axis=1), np.concatenate([force[:, 0], moment[:, 0]], axis=-1))
+
+
+def _contact_places(bodies: BodyStates) -> Array:
+    """World positions (T, P, 3) of the contact points of all bodies, at the bottom of their spheres."""
+    shape = (len(bodies.positions), len(_OWNER), 3)
+    places = bodies.positions[:, _OWNER] + rotate(
+        bodies.rotations[:, _OWNER], np.broadcast_to(_PLACES[:, :3], shape)
+    )
+    places[..., 2] -= _PLACES[:, 3]
+    return places
+
+
+def _contact_forces(bodies: BodyStates, places: Array, root: Array, force: Array, moment: Array) -> Array:
+    """Forces (T, P, 3) at contact points (T, P, 3) that come nearest to a force and a moment (T, 3) about the
+    root (T, 3), all in the world."""
+    velocities = bodies.linear[:, _OWNER] + np.cross(
+        bodies.angular[:, _OWNER], places - bodies.positions[:, _OWNER]
+    )
+    height = np.maximum(places[..., 2], 0.0) / HEIGHT
+    slip = np.sqrt(np.sum(velocities**2, axis=-1)) / SPEED
+    pushes = np.concatenate([CONE, np.ones((4, 1))], axis=1)  # (4, 3): force per unit along each edge
+    wanted = np.concatenate([force, moment / LEVER], axis=-1)
+    contact = np.zeros_like(places)
+    for t in range(len(places)):
+        near = np.flatnonzero((height[t] < BEYOND) & (slip[t] < BEYOND))
+        if not len(near):
+            continue
+        unit = np.repeat(pushes[None], len(near), axis=0)  # (P, 4, 3)
+        turn = np.cross((places[t, near] - root[t])[:, None], unit) / LEVER
+        matrix = np.concatenate([unit, turn], axis=-1).reshape(-1, 6).T  # (6, 4 P)
+        cost = COST * np.exp(0.5 * (height[t, near] ** 2 + slip[t, near] ** 2))
+        system = np.concatenate([matrix, np.diag(np.repeat(cost, 4))])
+        found, _ = nnls(
+            system, np.concatenate([wanted[t], np.zeros(4 * len(near))]), maxiter=STEPS * 4 * len(near)
+        )
+        contact[t, near] = np.einsum("pk,pki->pi", found.reshape(-1, 4), unit)
+    return contact
