@@ -138,24 +138,22 @@ def _single(rows: Sequence[Row]) -> RenderableType:
 
 
 def _cyclic(rows: Sequence[Row], info: Row) -> Iterator[RenderableType]:
-    fit = grid(
-        "",
-        "seeds",
-        "frames",
-        "phases",
-        "R² knee",
-        "min",
-        "hip",
-        "min",
-        "gap °",
-        "speed",
-        "path error m",
-        gap=1,
-    )
-    cost = grid("", "return %", "converged", "first walk", "after s", "of seeds", "training s")
+    """The tables of a loop."""
+    yield _fit(rows)
+    yield ""
+    yield _cost(rows)
+    if any(row["metrics"]["capture_knee_r2"]["n"] for row in rows):
+        yield ""
+        yield _capture(rows, info)
+
+
+def _fit(rows: Sequence[Row]) -> RenderableType:
+    """How well the reference is followed."""
+    names = ("frames", "phases", "R² knee", "min", "hip", "min", "gap °", "speed", "path error m")
+    table = grid("", "seeds", *names, gap=1)
     for row in rows:
         of = row["metrics"]
-        fit.add_row(
+        table.add_row(
             row["variant"],
             f"{row['seeds']}",
             f"{_at(of, 'frames', 0)}/{of['of']['max']}",
@@ -168,7 +166,15 @@ def _cyclic(rows: Sequence[Row], info: Row) -> Iterator[RenderableType]:
             _at(of, "speed_ratio", 3),
             _at(of, "end_off_m", 2),
         )
-        cost.add_row(
+    return table
+
+
+def _cost(rows: Sequence[Row]) -> RenderableType:
+    """Return, and the samples and seconds that it took."""
+    table = grid("", "return %", "converged", "first walk", "after s", "of seeds", "training s")
+    for row in rows:
+        of = row["metrics"]
+        table.add_row(
             row["variant"],
             _at(of, "return", 1, scale=100),
             _whole(of["converged_samples"]["median"]),
@@ -177,19 +183,19 @@ def _cyclic(rows: Sequence[Row], info: Row) -> Iterator[RenderableType]:
             f"{of['first_walk_samples']['n']}/{row['seeds']}",
             _at(of, "seconds", 0),
         )
-    yield fit
-    yield ""
-    yield cost
-    if any(row["metrics"]["capture_knee_r2"]["n"] for row in rows):
-        capture = grid("R² against the capture", "knee", "ceiling", "hip", "ceiling")
-        for row in rows:
-            cells = (
-                (_at(row["metrics"], f"capture_{joint}_r2", 3), number(info["ceiling"][joint], 3))
-                for joint in ("knee", "hip")
-            )
-            capture.add_row(row["variant"], *(text for cell in cells for text in cell))
-        yield ""
-        yield capture
+    return table
+
+
+def _capture(rows: Sequence[Row], info: Row) -> RenderableType:
+    """R² against the capture, beside that of the reference."""
+    table = grid("R² against the capture", "knee", "ceiling", "hip", "ceiling")
+    for row in rows:
+        cells = (
+            (_at(row["metrics"], f"capture_{joint}_r2", 3), number(info["ceiling"][joint], 3))
+            for joint in ("knee", "hip")
+        )
+        table.add_row(row["variant"], *(text for cell in cells for text in cell))
+    return table
 
 
 def _whole(value: float | None) -> str:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -26,6 +26,9 @@ from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.formats.motion_json import MOTION
 from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option
+
+if TYPE_CHECKING:
+    from kinemimic.retarget.humanoid.motion import Motion
 
 LARGEST = 4_000_000  # bytes of a shipped file
 
@@ -62,7 +65,6 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     """
     # Import cost: these load the simulation.
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
-    from kinemimic.train.config.from_tracker import NAMES  # noqa: PLC0415
     from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
 
     _, record = Policy.load(run / POLICY)
@@ -72,27 +74,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
             f"`kinemimic reproduce --only {recipe.name}`"
         )
     motion, scores = read_motion_json(run / MOTION), read_scores(run / SCORES)
-    capture = motion.provenance.get("capture", {})
-    expected: dict[str, tuple[Any, Any]] = {
-        "preset": (NAMES[recipe.preset] if recipe.start else recipe.preset, record["preset"]),
-        "start": (_start(recipe), record["config"].get("start", "")),
-        "budget": (recipe.budget, record["config"]["budget"]),
-        # Not so if `--minutes` ended the training.
-        "budget spent": (True, record["samples"] >= recipe.budget),
-        "seed": (recipe.seed, record["seed"]),
-        "motion": (motion.identity, record["provenance"]["inputs"]["motion"]),
-        "scored policy": (file_hash(run / POLICY), scores["provenance"]["inputs"]["policy"]),
-        "simulated capture": (recipe.stock is None and recipe.recording is None, motion.simulated),
-    }
-    if recipe.recording is not None:
-        expected["recording"] = (recording(recipe.recording).sha256, capture.get("sha256"))
-    if recipe.stock is not None:
-        expected["stock motion"] = (f"humanoid3d_{recipe.stock}.txt", capture.get("source"))
-    for what, (wanted, found) in expected.items():
-        if wanted != found:
-            raise KinemimicError(
-                f"{run}: {what}: expected {wanted!r} as in the recipe {recipe.name!r}, found {found!r}"
-            )
+    _require_recipe(run, recipe, motion, record, scores["provenance"]["inputs"]["policy"])
     folder = into / recipe.name
     ships = (POLICY, SCORES) if recipe.recording else (MOTION, POLICY, SCORES)
     if heavy := [name for name in ships if (run / name).stat().st_size > LARGEST]:
@@ -109,6 +91,38 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     write_json(folder / RECORD, {**record, "imitates": motion_summary(motion)})
     copy_file(run / POLICY, folder / POLICY)
     return folder
+
+
+def _require_recipe(
+    run: Path, recipe: Recipe, motion: Motion, record: Mapping[str, Any], scored_policy: str
+) -> None:
+    """KinemimicError unless a run has the recipe's motion and policy, and scores of that policy.
+
+    record: content of policy.json; scored_policy: SHA-256 of the policy that scores.json is of.
+    """
+    from kinemimic.train.config.from_tracker import NAMES  # noqa: PLC0415 (import cost)
+
+    capture = motion.provenance.get("capture", {})
+    expected: dict[str, tuple[Any, Any]] = {
+        "preset": (NAMES[recipe.preset] if recipe.start else recipe.preset, record["preset"]),
+        "start": (_start(recipe), record["config"].get("start", "")),
+        "budget": (recipe.budget, record["config"]["budget"]),
+        # Not so if `--minutes` ended the training.
+        "budget spent": (True, record["samples"] >= recipe.budget),
+        "seed": (recipe.seed, record["seed"]),
+        "motion": (motion.identity, record["provenance"]["inputs"]["motion"]),
+        "scored policy": (file_hash(run / POLICY), scored_policy),
+        "simulated capture": (recipe.stock is None and recipe.recording is None, motion.simulated),
+    }
+    if recipe.recording is not None:
+        expected["recording"] = (recording(recipe.recording).sha256, capture.get("sha256"))
+    if recipe.stock is not None:
+        expected["stock motion"] = (f"humanoid3d_{recipe.stock}.txt", capture.get("source"))
+    for what, (wanted, found) in expected.items():
+        if wanted != found:
+            raise KinemimicError(
+                f"{run}: {what}: expected {wanted!r} as in the recipe {recipe.name!r}, found {found!r}"
+            )
 
 
 def _start(recipe: Recipe) -> str:

@@ -199,53 +199,66 @@ class Controls:
         self.stiffness = self._held(gui.add_slider("Spring stiffness, N/m", 50, 2000, 50, 200))
         self.limit = self._held(gui.add_slider("Largest force, N", 10, 1000, 10, 150))
         with gui.add_folder("Pull and push the torso"):
-            size = self._held(gui.add_slider("Force, N", 5, 500, 5, 25))
-            lasts = self._held(gui.add_slider("Time, s", 0.1, 3.0, 0.1, 1.0))
-            growing = self._held(gui.add_checkbox("Increase gradually", initial_value=True))
-
-            def pull(x: float, y: float) -> Callable[[], Input]:
-                return lambda: Push(
-                    "torso",
-                    force=(x * float(size.value), y * float(size.value), 0.0),
-                    steps=max(1, round(float(lasts.value) * CONTROL_RATE)),
-                    growing=bool(growing.value),
-                )
-
-            for label, x, y in (("Forward", 1, 0), ("Backward", -1, 0), ("Left", 0, 1), ("Right", 0, -1)):
-                self._button(label, pull(x, y))
+            self._push_torso()
         with gui.add_folder("Leg force and arm torque"):
-            seconds = self._held(gui.add_slider("Duration, s", 0.1, 7.0, 0.1, 7.0))
-
-            def steps() -> int:
-                return max(1, round(float(seconds.value) * CONTROL_RATE))
-
-            self._button(
-                "100 N on a thigh", lambda: Push("thigh_left", force=(100.0, 0.0, 0.0), steps=steps())
-            )
-            self._button(
-                "30 N·m on an arm", lambda: Push("upper_arm_left", torque=(30.0, 0.0, 0.0), steps=steps())
-            )
-            weight = gui.add_slider("Weight in the hand, kg", 0.0, 10.0, 0.5, 0.0)
-            self._held(weight, lambda: Carry("hand_left", float(weight.value)))
+            self._load_limbs()
         with gui.add_folder("Balls and boxes"):
-            mass = self._held(gui.add_slider("Mass, kg", 0.5, 20.0, 0.5, 1.0))
-            self._button(
-                "Throw a ball at the chest",
-                lambda: Throw("sphere", (0.24,) * 3, float(mass.value), (1.8, 0.0, 1.15), (-2.0, 0.0, 2.6)),
+            self._throw()
+
+    def _push_torso(self) -> None:
+        """Forces on the torso, along and across the heading."""
+        gui = self._server.gui
+        size = self._held(gui.add_slider("Force, N", 5, 500, 5, 25))
+        lasts = self._held(gui.add_slider("Time, s", 0.1, 3.0, 0.1, 1.0))
+        growing = self._held(gui.add_checkbox("Increase gradually", initial_value=True))
+
+        def pull(x: float, y: float) -> Callable[[], Input]:
+            return lambda: Push(
+                "torso",
+                force=(x * float(size.value), y * float(size.value), 0.0),
+                steps=max(1, round(float(lasts.value) * CONTROL_RATE)),
+                growing=bool(growing.value),
             )
-            self._button(
-                "Throw a ball from the side",
-                lambda: Throw("sphere", (0.24,) * 3, float(mass.value), (0.0, 1.8, 1.15), (0.0, -2.0, 2.6)),
-            )
-            self._button(
-                "Box of knee height ahead",
-                lambda: Throw("box", (0.3, 0.3, 0.45), float(mass.value), (1.5, 0.0, 0.225)),
-            )
-            self._button(
-                "Post of hip height ahead",
-                lambda: Throw("cylinder", (0.3, 0.3, 0.85), float(mass.value), (1.5, 0.0, 0.425)),
-            )
-            self._button("Remove obstacles and pushes", Clear)
+
+        for label, x, y in (("Forward", 1, 0), ("Backward", -1, 0), ("Left", 0, 1), ("Right", 0, -1)):
+            self._button(label, pull(x, y))
+
+    def _load_limbs(self) -> None:
+        """A force, a torque and a weight on single limbs."""
+        gui = self._server.gui
+        seconds = self._held(gui.add_slider("Duration, s", 0.1, 7.0, 0.1, 7.0))
+
+        def steps() -> int:
+            return max(1, round(float(seconds.value) * CONTROL_RATE))
+
+        self._button("100 N on a thigh", lambda: Push("thigh_left", force=(100.0, 0.0, 0.0), steps=steps()))
+        self._button(
+            "30 N·m on an arm", lambda: Push("upper_arm_left", torque=(30.0, 0.0, 0.0), steps=steps())
+        )
+        weight = gui.add_slider("Weight in the hand, kg", 0.0, 10.0, 0.5, 0.0)
+        self._held(weight, lambda: Carry("hand_left", float(weight.value)))
+
+    def _throw(self) -> None:
+        """Obstacles, thrown or placed ahead."""
+        gui = self._server.gui
+        mass = self._held(gui.add_slider("Mass, kg", 0.5, 20.0, 0.5, 1.0))
+        self._button(
+            "Throw a ball at the chest",
+            lambda: Throw("sphere", (0.24,) * 3, float(mass.value), (1.8, 0.0, 1.15), (-2.0, 0.0, 2.6)),
+        )
+        self._button(
+            "Throw a ball from the side",
+            lambda: Throw("sphere", (0.24,) * 3, float(mass.value), (0.0, 1.8, 1.15), (0.0, -2.0, 2.6)),
+        )
+        self._button(
+            "Box of knee height ahead",
+            lambda: Throw("box", (0.3, 0.3, 0.45), float(mass.value), (1.5, 0.0, 0.225)),
+        )
+        self._button(
+            "Post of hip height ahead",
+            lambda: Throw("cylinder", (0.3, 0.3, 0.85), float(mass.value), (1.5, 0.0, 0.425)),
+        )
+        self._button("Remove obstacles and pushes", Clear)
 
     def _ground(self, choices: Choices) -> None:
         gui = self._server.gui
