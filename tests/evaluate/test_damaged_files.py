@@ -14,7 +14,7 @@ import pytest
 from peers.constant import constant
 from peers.damage import damaged
 
-from kinemimic.evaluate.scoring import command as scoring
+from kinemimic.evaluate.scoring import evaluate as scoring
 from kinemimic.pipeline.cli import main as command_line
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.ingest import ingest

@@ -25,7 +25,7 @@ from kinemimic.evaluate.compare.job_runner import Listener
 from kinemimic.evaluate.compare.table import summary
 from kinemimic.evaluate.compare.task import Task
 from kinemimic.evaluate.compare.variants import SEARCH
-from kinemimic.evaluate.scoring import command as evaluation
+from kinemimic.evaluate.scoring import evaluate as evaluation
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json

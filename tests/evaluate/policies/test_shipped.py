@@ -13,11 +13,11 @@ from click.testing import CliRunner
 from peers.shelf import RECIPES, write_run
 from peers.trackers import write_idle_tracker
 
+from kinemimic.evaluate.command import command as evaluate_command
 from kinemimic.evaluate.export import command as export
 from kinemimic.evaluate.policies import command as policies
 from kinemimic.evaluate.policies.recipe import recording
 from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, ShippedPolicies, evaluated
-from kinemimic.evaluate.scoring import command as stage
 from kinemimic.evaluate.view import command as view
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
@@ -186,7 +186,7 @@ def test_scores_without_provenance_belong_to_no_policy(
 
 def test_evaluate_and_export_take_its_name(shelf: ShippedPolicies) -> None:
     invoke = partial(CliRunner().invoke, catch_exceptions=False, obj=shelf)
-    scores = json.loads(invoke(stage.command, ["--policy", "walk", "--run", "mine", "--json"]).output)
+    scores = json.loads(invoke(evaluate_command, ["--policy", "walk", "--run", "mine", "--json"]).output)
     assert scores == read_json(Path("mine") / SCORES)
     assert (Path("mine") / POLICY).is_file()
     told = invoke(export.command, ["--policy", "walk", "--format", "onnx", "--out", "out", "--json"]).output
@@ -194,7 +194,7 @@ def test_evaluate_and_export_take_its_name(shelf: ShippedPolicies) -> None:
 
 
 def test_a_capture_without_a_policy_is_refused() -> None:
-    done = CliRunner().invoke(stage.command, ["--capture", "x.skl"])
+    done = CliRunner().invoke(evaluate_command, ["--capture", "x.skl"])
     assert done.exit_code == 2
     assert "add --policy" in done.output
 

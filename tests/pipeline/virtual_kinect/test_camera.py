@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from peers.straight_walk import straight_walk
 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.virtual_kinect.camera import FOCAL, HEIGHT, WIDTH, Camera, occluded
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
+from kinemimic.pipeline.virtual_kinect.subject import close_loop
 
 
 def test_pixels_computed_by_hand() -> None:
@@ -34,7 +35,7 @@ def _side_view(heading: float) -> tuple[np.ndarray, np.ndarray]:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.linspace(0.0, gait.period, 40, endpoint=False)
     start = np.array([3.0, -0.5 * np.sin(heading) * gait.stride])
-    joints = ground_truth(gait, elapsed, start=start, heading=heading, phase=0.0).joints
+    joints = straight_walk(gait, elapsed, start=start, heading=heading, phase=0.0).joints
     return joints, occluded(Camera(), joints)
 
 
@@ -54,7 +55,7 @@ def test_from_the_side_it_is_the_far_limbs_that_are_covered(heading: float, near
 def test_from_the_front_no_leg_is_covered() -> None:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.linspace(0.0, gait.period, 40, endpoint=False)
-    joints = ground_truth(gait, elapsed, start=np.array([4.0, 0.0]), heading=np.pi, phase=0.0).joints
+    joints = straight_walk(gait, elapsed, start=np.array([4.0, 0.0]), heading=np.pi, phase=0.0).joints
     covered = occluded(Camera(), joints)
     assert not covered[:, [N["knee_left"], N["knee_right"], N["ankle_left"], N["ankle_right"]]].any()
 
