@@ -136,21 +136,13 @@ class PpoAlgorithm:
             (kl, clip_fraction), value_loss = actor.result(), critic.result()
         if not (math.isfinite(kl) and math.isfinite(value_loss)):
             raise FloatingPointError("the policy or its value became infinite or NaN")
-        if c.kl_penalty:
-            state.penalty = adapt_penalty(state.penalty, kl, c.kl_target, c.penalty_initial, c.penalty_rule)
-        if c.adapt_rate:
-            state.actor_rate = adapt_rate(state.actor_rate, kl, c.kl_target)
-            for group in self.actor_optimizer.param_groups:
-                group["lr"] = state.actor_rate
+        self._adapt(kl)
         state.entropy *= c.entropy_decay
         state.samples += count
         state.rounds += 1
         # Only after the update, so that the old and the new policy see the same observations.
         self.normalizer.update(raw)
-        variance = float(returns.var(correction=0))
         lengths = samples.episode_lengths
-        errors = returns - torch.from_numpy(values.reshape(-1)).to(self.device)
-        unexplained = float(errors.var(correction=0))
         return {
             "reward/mean": float(rewards.mean()),
             # No episode may end in a round.
@@ -163,9 +155,18 @@ class PpoAlgorithm:
             # Entropy of a Gaussian: the sum of log σ + ½ log 2πe.
             "policy/entropy": float((self.net.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
             "value/loss": value_loss,
-            "value/explained_variance": 1.0 - unexplained / variance if variance > 0 else 0.0,
-            "value/normalized_loss": normalized_loss(float(errors.square().mean()), variance),
+            **_value_errors(returns, torch.from_numpy(values.reshape(-1)).to(self.device)),
         }
+
+    def _adapt(self, kl: float) -> None:
+        """Adapt the penalty and the learning rate to the KL divergence of a round, if they are adaptive."""
+        c, state = self.config, self.progress
+        if c.kl_penalty:
+            state.penalty = adapt_penalty(state.penalty, kl, c.kl_target, c.penalty_initial, c.penalty_rule)
+        if c.adapt_rate:
+            state.actor_rate = adapt_rate(state.actor_rate, kl, c.kl_target)
+            for group in self.actor_optimizer.param_groups:
+                group["lr"] = state.actor_rate
 
     def _values(self, samples: Samples, observations: Tensor) -> tuple[Array, Array]:
         """Values (T, E) of the states before and after each step; 0 after a fall."""
@@ -271,6 +272,16 @@ class PpoAlgorithm:
             restore_optimizer(optimizer, below(f"optimizer.{kind}.", tensors))
         for group in self.actor_optimizer.param_groups:
             group["lr"] = self.progress.actor_rate
+
+
+def _value_errors(returns: Tensor, values: Tensor) -> dict[str, float]:
+    """How well values (N,) predict returns (N,), as scalars to log."""
+    variance, errors = float(returns.var(correction=0)), returns - values
+    unexplained = float(errors.var(correction=0))
+    return {
+        "value/explained_variance": 1.0 - unexplained / variance if variance > 0 else 0.0,
+        "value/normalized_loss": normalized_loss(float(errors.square().mean()), variance),
+    }
 
 
 def minibatches(permutations: list[Tensor], size: int, *columns: Tensor) -> Iterator[tuple[Tensor, ...]]:
