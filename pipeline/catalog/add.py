@@ -53,15 +53,7 @@ def add(
         raise KinemimicError(f"{file}: expected a file, found {'a folder' if file.is_dir() else 'none'}")
     text, known = _existing(catalog)
     size, sha256, name = file.stat().st_size, file_hash(file), name or file.name
-    for entry in known.entries:
-        if entry.name == f"{collection}/{name}":
-            raise KinemimicError(
-                f"{catalog}: expected a new name, found {entry.name} already in it; choose a name with --as"
-            )
-        if entry.sha256 == sha256:
-            raise KinemimicError(
-                f"{catalog}: expected a new file, found {file} already in it, as {entry.name}"
-            )
+    _require_new(known, f"{collection}/{name}", file, sha256)
     given = {
         "repository": repository,
         "commit": commit,
@@ -100,6 +92,19 @@ def _existing(catalog: Path) -> tuple[str, Catalog]:
     except UnicodeDecodeError as error:
         raise KinemimicError(f"{catalog}: expected text in UTF-8, found {error.reason}") from None
     return text if text.endswith("\n") else f"{text}\n", parse_catalog(catalog, text)
+
+
+def _require_new(known: Catalog, name: str, file: Path, sha256: str) -> None:
+    """KinemimicError if a catalogue has an entry of this name, COLLECTION/FILE, or with this content."""
+    for entry in known.entries:
+        if entry.name == name:
+            raise KinemimicError(
+                f"{known.path}: expected a new name, found {name} already in it; choose a name with --as"
+            )
+        if entry.sha256 == sha256:
+            raise KinemimicError(
+                f"{known.path}: expected a new file, found {file} already in it, as {entry.name}"
+            )
 
 
 def _recognised(file: Path) -> tuple[str | None, str, float | None, str | None]:

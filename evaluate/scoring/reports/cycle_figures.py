@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
@@ -27,6 +28,8 @@ from kinemimic.pipeline.gait.normative import normative_band
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.train.rollout.trajectory import Trajectory
+
+_GRID = np.linspace(0.0, 1.0, 101)  # of a cycle
 
 
 def mean_cycle(subjects: Mapping[str, Any], *, normal: bool) -> Draw:
@@ -78,18 +81,9 @@ def against_capture(
     upright = min(frames, int(trajectory.fallen_at[0]))
     phase = trajectory.phases[0]
     simulated, reference = (degrees(q[0]) for q in (trajectory.rotations, trajectory.reference_rotations))
-    grid = np.linspace(0.0, 1.0, 101)
     label = "share of the motion [%]"
     if cyclic:
         label = "cycle of the motion [%]" if strikes is None else "gait cycle from foot strike [%]"
-
-    def laps(begin: float, end: int) -> Array:
-        """Whole cycles from `begin` within the first `end` frames."""
-        if not cyclic:
-            return np.zeros(int(end >= len(phase)))
-        return np.asarray(
-            begin + np.arange(np.ceil(phase[0] - begin), np.floor(phase[max(end, 1) - 1] - begin))
-        )
 
     def draw(phone: bool) -> Figure:
         figure, panels = panel_grid(2, 2, 2.1, phone, sharex=True)
@@ -100,18 +94,12 @@ def against_capture(
                 100 * seen, np.degrees(capture.raw[name]), ".",
                 color=CAPTURED, markersize=2.5, alpha=0.45, label="capture as read",
             )  # fmt: skip
-            whole, every = laps(begin, upright), laps(begin, len(phase))
+            whole, every = (_laps(phase, begin, end, cyclic=cyclic) for end in (upright, len(phase)))
             if len(every):
-                target = np.interp(every[0] + grid, phase, reference[name])
-                axes.plot(100 * grid, target, color=REFERENCE, label="reference")
+                target = np.interp(every[0] + _GRID, phase, reference[name])
+                axes.plot(100 * _GRID, target, color=REFERENCE, label="reference")
             if len(whole):
-                folded = np.stack([np.interp(lap + grid, phase, simulated[name]) for lap in whole])
-                mean, spread = folded.mean(axis=0), folded.std(axis=0)
-                axes.fill_between(
-                    100 * grid, mean - spread, mean + spread, color=SIMULATED, alpha=0.22, linewidth=0,
-                    label="± 1 standard deviation",
-                )  # fmt: skip
-                axes.plot(100 * grid, mean, color=SIMULATED, label="simulated, mean")
+                _plot_spread(axes, [np.interp(lap + _GRID, phase, simulated[name]) for lap in whole])
             if capture.truth is not None:
                 at, values = _along(seen, np.degrees(capture.truth[name]))
                 axes.plot(at, values, "--", color=TRUTH, linewidth=1.0, label="truth")
@@ -122,6 +110,23 @@ def against_capture(
         return figure
 
     return draw
+
+
+def _laps(phase: Array, begin: float, end: int, *, cyclic: bool) -> Array:
+    """Phases at which whole cycles from `begin` start within the first `end` frames; 0 of a whole motion."""
+    if not cyclic:
+        return np.zeros(int(end >= len(phase)))
+    return np.asarray(begin + np.arange(np.ceil(phase[0] - begin), np.floor(phase[max(end, 1) - 1] - begin)))
+
+
+def _plot_spread(axes: Axes, curves: Sequence[Array]) -> None:
+    """Mean and standard deviation of the simulated curves (101,) of some cycles."""
+    mean, spread = np.mean(curves, axis=0), np.std(curves, axis=0)
+    axes.fill_between(
+        100 * _GRID, mean - spread, mean + spread, color=SIMULATED, alpha=0.22, linewidth=0,
+        label="± 1 standard deviation",
+    )  # fmt: skip
+    axes.plot(100 * _GRID, mean, color=SIMULATED, label="simulated, mean")
 
 
 def _along(at: Array, values: Array) -> tuple[Array, Array]:
