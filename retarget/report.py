@@ -170,23 +170,10 @@ def noncyclic_report(
     balance: None if the root was not displaced for it; why: what is missing for a loop, "" if nothing is;
     chosen: whether a segment was asked for.
     """
-    kind, walk = "motion", {}
-    if fit.strides is not None and excerpt.bout is not None:
-        speed = _speed_ahead(motion, clip.times[excerpt.frames], excerpt.yaw, excerpt.bout)
-        kind = "run" if is_running(speed) else "walk"
-        walk = {
-            "period_s": _n(motion.duration / fit.strides),
-            "cadence_steps_per_min": _n(120.0 * fit.strides / motion.duration),
-            "speed_m_s": _n(speed),
-            "speed_capture_m_s": _n(excerpt.bout.speed),
-            "speed_scaled_m_s": _n(abs(fit.scale * excerpt.bout.speed)),
-            "strides_used": _n(fit.strides),
-            "path": _path([excerpt.bout]),
-            "turn_deg": _n(np.degrees(excerpt.yaw[-1] - excerpt.yaw[0])),
-        }
+    walk = _walk_as_recorded(clip, excerpt, fit, motion)
     report = {
         "schema": GAIT_SCHEMA,
-        "kind": kind,
+        "kind": "motion",  # unless `walk` has another
         "simulated_capture": clip.simulated,
         "cyclic": False,
         "duration_s": _n(motion.duration),
@@ -210,6 +197,25 @@ def noncyclic_report(
     warnings += lean_warnings(fit.lean)
     warnings += [*held_feet_warnings(report), *filter(None, [low_rate_note(clip.rate)])]
     return _with_findings(report, warnings)
+
+
+def _walk_as_recorded(clip: Clip, excerpt: Excerpt, fit: NonCyclicFit, motion: Motion) -> dict[str, Any]:
+    """Kind and gait parameters of a walk or run that is kept as recorded; empty for other motions."""
+    bout, strides = excerpt.bout, fit.strides
+    if bout is None or strides is None:
+        return {}
+    speed = _speed_ahead(motion, clip.times[excerpt.frames], excerpt.yaw, bout)
+    return {
+        "kind": "run" if is_running(speed) else "walk",
+        "period_s": _n(motion.duration / strides),
+        "cadence_steps_per_min": _n(120.0 * strides / motion.duration),
+        "speed_m_s": _n(speed),
+        "speed_capture_m_s": _n(bout.speed),
+        "speed_scaled_m_s": _n(abs(fit.scale * bout.speed)),
+        "strides_used": _n(strides),
+        "path": _path([bout]),
+        "turn_deg": _n(np.degrees(excerpt.yaw[-1] - excerpt.yaw[0])),
+    }
 
 
 def _speed_ahead(motion: Motion, times: Array, yaw: Array, bout: Bout) -> float:
