@@ -55,7 +55,7 @@ def walk_to(batch: ImitationBatch, policy: Policy, phases: Array) -> None:
 def pushed(
     batch: ImitationBatch, pushes: Pushes, steps: int, act: Callable[[int, Array], Array]
 ) -> Iterator[NDArray[np.bool_]]:
-    """Push humanoids that have walked to the phases; yields after every control step who has fallen so far.
+    """Push humanoids that have walked to the phases; yields after every control step the fallen so far.
 
     act: actions (N, 42) for the number of control steps since the push began, and observations (N, O). Ends
     early if nobody is upright.

@@ -27,7 +27,7 @@ from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
 
 STEPS = 3 * CONTROL_RATE  # after which a maneuver has succeeded or not
-SPREAD = 0.2  # rad: pushes come from up to this beside their direction
+SPREAD = 0.2  # rad: pushes come from up to this angle off their direction
 _FORCE_SPREAD = 0.05  # share by which a force is stronger or weaker, at most
 _FIRST, _LEAST = 0.2, 0.05  # standard deviations of the draws, rad
 _SMOOTH = 0.6  # correlation of a draw from one knot to the next

@@ -125,7 +125,7 @@ class FollowedReference(Reference):
         return bodies
 
     def _faster(self) -> Array:
-        """(E, 3) what the pace adds to the way of a cycle, m."""
+        """(E, 3) what the pace adds to the path of a cycle, m."""
         added: Array = (self.cyclic * (self.pace - 1.0))[:, None] * self.cycle_offset
         return added
 

@@ -28,8 +28,8 @@ SAVING = "checkpoint"
 
 
 def is_over(training: TrainingState, seconds: float | None) -> bool:
-    """Whether the rounds have ended: a corrected policy fits, or time or samples are spent, the budget if an
-    evaluation walks, else the largest budget. A correction may follow."""
+    """Whether the rounds have ended: a corrected policy fits, the time is up, or the samples are spent (the
+    budget if an evaluation walks, else the largest budget). A correction may follow."""
     config, samples = training.algorithm.config, training.algorithm.progress.samples + training.reserved
     if _is_late(training, seconds) or _fits(training) or samples >= config.largest_budget:
         return True
@@ -40,7 +40,7 @@ def is_complete(training: TrainingState, seconds: float | None) -> bool:
     """Whether the training has ended and its last policy was evaluated, or corrected."""
     if not is_over(training, seconds) or awaits_correction(training, seconds):
         return False
-    return bool(training.evaluations) and _is_seen(training)
+    return bool(training.evaluations) and _is_judged(training)
 
 
 def awaits_correction(training: TrainingState, seconds: float | None) -> bool:
@@ -48,12 +48,12 @@ def awaits_correction(training: TrainingState, seconds: float | None) -> bool:
     state = training.algorithm.progress
     if training.algorithm.config.learning_control is None or _is_late(training, seconds) or _fits(training):
         return False
-    if not _is_seen(training) or state.samples == state.corrected_at:
+    if not _is_judged(training) or state.samples == state.corrected_at:
         return False
-    return is_over(training, seconds) or _is_meanwhile(training)
+    return is_over(training, seconds) or _interval_is_over(training)
 
 
-def _is_meanwhile(training: TrainingState) -> bool:
+def _interval_is_over(training: TrainingState) -> bool:
     """Whether the first correction is due, or one between the rounds."""
     settings, state = training.algorithm.config.learning_control, training.algorithm.progress
     if settings is None:
@@ -76,8 +76,8 @@ def _fits(training: TrainingState) -> bool:
     )
 
 
-def _is_seen(training: TrainingState) -> bool:
-    """Whether the policy of now was evaluated or corrected."""
+def _is_judged(training: TrainingState) -> bool:
+    """Whether the current policy was evaluated or corrected."""
     state, evaluations = training.algorithm.progress, training.evaluations
     if state.samples == state.corrected_at:
         return True
@@ -190,14 +190,14 @@ class TrainingLoop:
     def _evaluation_is_due(self) -> bool:
         """Also after an interruption between a round and its evaluation."""
         samples = self._state.samples
-        if _is_seen(self._training):
+        if _is_judged(self._training):
             return False
         if not samples:
             return self._corrector is not None
         before, rest = samples - self._config.batch, self._config.budget - self._training.reserved
         control = self._config.learning_control
         if control is not None and control.interval:
-            due = _is_meanwhile(self._training)  # each correction follows an evaluation
+            due = _interval_is_over(self._training)  # each correction follows an evaluation
         else:
             due = is_due(before, samples, self._runner.evaluation_interval)
         return due or before < rest <= samples or is_over(self._training, self._seconds)
@@ -233,7 +233,7 @@ class TrainingLoop:
             self._keep(board, found)
 
     def _evaluate(self, board: SummaryWriter) -> None:
-        """Evaluate the policy of now, and keep it if it is the best."""
+        """Evaluate the current policy, and keep it if it is the best."""
         self._keep(board, self._evaluation(self._training.algorithm.policy()))
 
     def _evaluation(self, policy: Policy, *, corrected: bool = False) -> Evaluation:
@@ -256,7 +256,7 @@ class TrainingLoop:
         return evaluation
 
     def _keep(self, board: SummaryWriter, evaluation: Evaluation) -> None:
-        """Record an evaluation of the policy of now, and keep the policy if it is the best."""
+        """Record an evaluation of the current policy, and keep the policy if it is the best."""
         training, samples = self._training, evaluation.samples
         training.evaluations.append(evaluation)
         if best(training.evaluations, by_fit=self._config.learning_control is not None) is evaluation:

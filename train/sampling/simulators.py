@@ -25,7 +25,7 @@ class Simulators:
     def count(self, workers: int | None, num_envs: int) -> int:
         """Number of samplers: `workers` (default: one per core), each with at least one environment.
 
-        KinemimicError for more than a cluster has cores: a Ray actor waits for its core without an end.
+        KinemimicError for more than a cluster has cores: a Ray actor waits for its core forever.
         """
         if not self.shares_disk and (workers or 1) > self.cores:
             raise KinemimicError(

@@ -19,7 +19,7 @@ LARGEST = 1.5  # factor on the speed of the reference
 
 def hurry(bodies: BodyStates, target: BodyStates) -> Array:
     """(E,) factors on the speed of the references, from 1 to LARGEST: it grows by 1 for each m/s by which a
-    pelvis is faster than its target along the target's way, or moves to a side, beyond TOLERATED."""
+    pelvis is faster than its target along the target's path, or moves to a side, beyond TOLERATED."""
     wanted = target.linear[:, 0, :2]
     along = wanted / np.maximum(np.linalg.norm(wanted, axis=-1, keepdims=True), 1e-6)
     off = bodies.linear[:, 0, :2] - wanted

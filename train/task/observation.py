@@ -78,8 +78,8 @@ def observe(
 
 
 def _beyond_leash(bodies: BodyStates, target: BodyStates, leash: float) -> Array:
-    """(E, 1, 3) horizontal part of the way to the reference that a tracker does not observe: what exceeds the
-    leash. A humanoid that fell behind keeps walking, instead of observing what it never learned."""
+    """(E, 1, 3) part of the horizontal vector to the reference that exceeds the leash; a tracker does not
+    observe it. A humanoid that fell behind keeps walking, instead of observing what it never learned."""
     way = (target.positions[:, :1] - bodies.positions[:, :1]) * [1.0, 1.0, 0.0]
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), leash)
     beyond: Array = way * (1.0 - leash / distance)
