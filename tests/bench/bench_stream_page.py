@@ -125,9 +125,7 @@ def look(address: str, seconds: float) -> list[tuple[float, bytes]]:
 
     with chromium() as browser:
         tab = browser.new_page(viewport={"width": 1000, "height": 700})
-        tab.on(
-            "websocket", lambda one: one.on("framereceived", lambda data: found.append((time.time(), data)))
-        )
+        tab.on("websocket", lambda one: one.on("framereceived", received))
         tab.goto(address)
         while time.time() < end:
             tab.wait_for_timeout(200)
