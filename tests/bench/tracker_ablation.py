@@ -30,6 +30,7 @@ from kinemimic.train.config.tracker import tracker_config
 from kinemimic.train.tracker import motion_sampling
 from kinemimic.train.tracker.command import train_tracker
 
+RESULT = "ablation.json"
 FULL, RECORDED, UNIFORM = "all parts", "no random variants of the motions", "motions drawn uniformly"
 
 
@@ -76,27 +77,40 @@ def sampling(variant: str) -> Iterator[None]:
 
 
 def measured(source: Path, out: Path, samples: int, seeds: int, only: Sequence[str]) -> list[dict[str, Any]]:
-    """A row for each seed and variant (those in `only`; all if empty); every finished one is kept in its
-    folder."""
+    """A row for each seed and variant (those in `only`; all if empty); rows that OUT has are not measured
+    again."""
+    kept = read_json(out / RESULT) if (out / RESULT).exists() else []
     rows = []
+    library = file_hash(source / MANIFEST)
     recorded = recorded_only(source, out / "recorded")
     for seed in range(seeds):
-        for variant, config in variants().items():
-            if only and variant not in only:
-                continue
-            folder = out / variant.replace(" ", "-").replace(",", "") / f"seed{seed}"
-            trained_on = recorded if variant == RECORDED else source
-            with sampling(variant):
-                record = train_tracker(trained_on, folder, config=config, budget=samples, seed=seed)
-            scores = evaluate_tracker(source, str(folder), folder)
-            rows.append({
-                "variant": variant, "seed": seed, "samples": record["samples"], "seconds": record["seconds"],
-                **{f"{kind}_{part}": found
-                   for kind in ("walk", "run") for part in ("train", "test")
-                   for found in [upright(scores["motions"], kind, part)] if found is not None},
-            })  # fmt: skip
-            write_json(out / "ablation.json", rows)
+        for variant in only or variants():
+            made_by = {"variant": variant, "seed": seed, "budget": samples, "library": library}
+            row = next((row for row in kept if made_by.items() <= row.items()), None)
+            if row is None:
+                folder = out / variant.replace(" ", "-").replace(",", "") / f"seed{seed}"
+                row = {**made_by, **trained(source, recorded, folder, variant, samples, seed)}
+                kept.append(row)
+                write_json(out / RESULT, kept)
+            rows.append(row)
     return rows
+
+
+def trained(
+    source: Path, recorded: Path, folder: Path, variant: str, samples: int, seed: int
+) -> dict[str, Any]:
+    """Train a variant in `folder`, or go on there, and score it on the recorded motions of `source`."""
+    trained_on = recorded if variant == RECORDED else source
+    with sampling(variant):
+        record = train_tracker(trained_on, folder, config=variants()[variant], budget=samples, seed=seed)
+    motions = evaluate_tracker(source, str(folder), folder)["motions"]
+    shares = {
+        f"{kind}_{part}": upright(motions, kind, part)
+        for kind in ("walk", "run")
+        for part in ("train", "test")
+    }
+    known = {key: share for key, share in shares.items() if share is not None}
+    return {"samples": record["samples"], "seconds": record["seconds"], **known}
 
 
 def upright(motions: list[dict[str, Any]], kind: str, part: str) -> float | None:
