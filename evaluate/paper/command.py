@@ -14,21 +14,21 @@ from rich.console import RenderableType
 
 from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED, Comparison, TrainedPolicy
 from kinemimic.evaluate.compare.table import table_csv
-from kinemimic.evaluate.paper.claim import formatted
-from kinemimic.evaluate.paper.claims import claims
-from kinemimic.evaluate.paper.head_to_head import contest_trials, head_to_head
-from kinemimic.evaluate.paper.output import drawings, numbers
-from kinemimic.evaluate.paper.page import study_page
-from kinemimic.evaluate.paper.plan import (
+from kinemimic.evaluate.paper.claims.claim import formatted
+from kinemimic.evaluate.paper.claims.claims import claims
+from kinemimic.evaluate.paper.claims.summary import markdown
+from kinemimic.evaluate.paper.experiments.head_to_head import contest_trials, head_to_head
+from kinemimic.evaluate.paper.experiments.plan import (
     AHEAD,
     ROOM,
     SCENARIOS,
     compared_policies,
     policies_in,
 )
-from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
-from kinemimic.evaluate.paper.room_walks import rooms
-from kinemimic.evaluate.paper.summary import markdown
+from kinemimic.evaluate.paper.experiments.processing_times import measured_on, processing_times
+from kinemimic.evaluate.paper.experiments.room_walks import rooms
+from kinemimic.evaluate.paper.page.output import drawings, numbers
+from kinemimic.evaluate.paper.page.page import study_page
 from kinemimic.evaluate.robustness.scenario_trials import Trials
 from kinemimic.pipeline.cli.options import json_option, out_option, ray_option, seed_option
 from kinemimic.pipeline.cli.picture import save

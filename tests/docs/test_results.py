@@ -16,8 +16,8 @@ from bench import sensor_accuracy
 from printed.blocks import ROOT
 
 from kinemimic.evaluate.compare.comparison import SHIPPED, Comparison
-from kinemimic.evaluate.paper.claims_learning import losses, rewards, settings
-from kinemimic.evaluate.paper.summary import markdown
+from kinemimic.evaluate.paper.claims.learning import losses, rewards, settings
+from kinemimic.evaluate.paper.claims.summary import markdown
 
 MEASURED: list[dict[str, Any]] = json.loads(Path(__file__).with_name("study_claims.json").read_text())
 

@@ -12,7 +12,7 @@ import pytest
 from peers.compared import BUDGET
 
 from kinemimic.evaluate.compare.comparison import SHIPPED, Comparison
-from kinemimic.evaluate.paper.plan import OURS, compared_policies
+from kinemimic.evaluate.paper.experiments.plan import OURS, compared_policies
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario_file import scenario
 

@@ -21,10 +21,16 @@ from printed.documented import documented_keys
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
-from kinemimic.evaluate.paper import room_walks as walks
-from kinemimic.evaluate.paper.claim import UNTRAINED
-from kinemimic.evaluate.paper.head_to_head import contest_trials, head_to_head
-from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, WALK, compared_policies, policies_in
+from kinemimic.evaluate.paper.claims.claim import UNTRAINED
+from kinemimic.evaluate.paper.experiments import room_walks as walks
+from kinemimic.evaluate.paper.experiments.head_to_head import contest_trials, head_to_head
+from kinemimic.evaluate.paper.experiments.plan import (
+    SCENARIOS,
+    VARIANTS,
+    WALK,
+    compared_policies,
+    policies_in,
+)
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.paper.lead import lead, loss
+from kinemimic.evaluate.paper.experiments.lead import lead, loss
 from kinemimic.evaluate.robustness.scenario_trials import Trials
 from kinemimic.train.sim.world import CONTROL_RATE
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from kinemimic.evaluate.paper.claim import (
+from kinemimic.evaluate.paper.claims.claim import (
     BETTER,
     CONFIRMED,
     CONTRADICTED,

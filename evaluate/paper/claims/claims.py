@@ -1,6 +1,6 @@
 """The numeric claims of the paper's sections 4.1 and 4.2, with our numbers.
 
-Claims about training are in `claims_learning.py`; this module has those about trained policies. "PPO ahead of
+Claims about training are in `learning.py`; this module has those about trained policies. "PPO ahead of
 X by" compares leads; all other claims compare the numbers themselves.
 """
 
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
-from kinemimic.evaluate.paper.claim import NOT_CONFIRMED, UNTRAINED, Best, Better, Claim, Failing
-from kinemimic.evaluate.paper.claims_learning import EPISODE, TRAINED, losses, rewards, settings
-from kinemimic.evaluate.paper.plan import AMONG, BALL, BASELINES, OURS, PPO, SEVERAL
+from kinemimic.evaluate.paper.claims.claim import NOT_CONFIRMED, UNTRAINED, Best, Better, Claim, Failing
+from kinemimic.evaluate.paper.claims.learning import EPISODE, TRAINED, losses, rewards, settings
+from kinemimic.evaluate.paper.experiments.plan import AMONG, BALL, BASELINES, OURS, PPO, SEVERAL
 from kinemimic.pipeline.arrays import Array
 
 Row = Mapping[str, Any]

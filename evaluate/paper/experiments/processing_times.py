@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
+from kinemimic.evaluate.paper.experiments.ppo_update import OneUpdate, PpoUpdate
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.train.config.baseline_config import A2c, OffPolicy, StablePpo, require_package
@@ -217,7 +217,7 @@ def _baselines_installed() -> bool:
 def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
     if config.baseline is None:
         return PpoUpdate(config, samples, seed)
-    from kinemimic.evaluate.paper.baseline_update import BaselineUpdate  # noqa: PLC0415 (its package may be missing)
+    from kinemimic.evaluate.paper.experiments.baseline_update import BaselineUpdate  # noqa: PLC0415 (its package may be missing)
 
     return BaselineUpdate(config, samples, seed)
 

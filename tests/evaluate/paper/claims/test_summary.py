@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from kinemimic.evaluate.paper.claim import CONFIRMED, LARGER, SHORT, SMALLER, UNSURE
-from kinemimic.evaluate.paper.summary import counts, is_worse, our_best
+from kinemimic.evaluate.paper.claims.claim import CONFIRMED, LARGER, SHORT, SMALLER, UNSURE
+from kinemimic.evaluate.paper.claims.summary import counts, is_worse, our_best
 
 VERDICTS = {
     "better": ["better"],

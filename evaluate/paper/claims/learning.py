@@ -10,8 +10,17 @@ from collections.abc import Iterator
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile
-from kinemimic.evaluate.paper.claim import LOSS, SETTING, UNTRAINED, Best, Better, Claim
-from kinemimic.evaluate.paper.plan import BASELINES, LONGER, OBSTACLES, OURS, PPO, RUN, VARIANTS, WALK
+from kinemimic.evaluate.paper.claims.claim import LOSS, SETTING, UNTRAINED, Best, Better, Claim
+from kinemimic.evaluate.paper.experiments.plan import (
+    BASELINES,
+    LONGER,
+    OBSTACLES,
+    OURS,
+    PPO,
+    RUN,
+    VARIANTS,
+    WALK,
+)
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.policies.shipped import RECORD
 from kinemimic.train.config.config import TrainConfig

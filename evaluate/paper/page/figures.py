@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.plan import ALGORITHMS, AMONG
+from kinemimic.evaluate.paper.experiments.plan import ALGORITHMS, AMONG
 from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.train.sim.world import CONTROL_RATE

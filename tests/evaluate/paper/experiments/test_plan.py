@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.plan import (
+from kinemimic.evaluate.paper.experiments.plan import (
     OBSTACLES,
     OURS,
     RUN,

@@ -8,8 +8,8 @@ from typing import Any
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import Estimate
-from kinemimic.evaluate.paper.claims_learning import converged, last_loss, least_loss, returns
-from kinemimic.evaluate.paper.plan import (
+from kinemimic.evaluate.paper.claims.learning import converged, last_loss, least_loss, returns
+from kinemimic.evaluate.paper.experiments.plan import (
     ALGORITHMS,
     BALL,
     OBSTACLES,
@@ -23,7 +23,7 @@ from kinemimic.evaluate.paper.plan import (
     WALK,
     compared_variants,
 )
-from kinemimic.evaluate.paper.processing_times import own_batch, steps_per_sample
+from kinemimic.evaluate.paper.experiments.processing_times import own_batch, steps_per_sample
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import torch
 
-from kinemimic.evaluate.paper import processing_times as module
-from kinemimic.evaluate.paper.baseline_update import BaselineUpdate
-from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
-from kinemimic.evaluate.paper.processing_times import (
+from kinemimic.evaluate.paper.experiments import processing_times as module
+from kinemimic.evaluate.paper.experiments.baseline_update import BaselineUpdate
+from kinemimic.evaluate.paper.experiments.ppo_update import OneUpdate, PpoUpdate
+from kinemimic.evaluate.paper.experiments.processing_times import (
     PRESET_OF,
     Task,
     Timing,

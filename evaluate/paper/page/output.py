@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper import figures
-from kinemimic.evaluate.paper.plan import (
+from kinemimic.evaluate.paper.page import figures
+from kinemimic.evaluate.paper.experiments.plan import (
     AMONG,
     BALL,
     BASELINES,

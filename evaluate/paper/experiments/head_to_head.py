@@ -10,7 +10,7 @@ from statistics import median
 from typing import Any
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
-from kinemimic.evaluate.paper.lead import lead, loss
+from kinemimic.evaluate.paper.experiments.lead import lead, loss
 from kinemimic.evaluate.robustness.scenario_trials import Trials, run_all_trials, summarize, trial_tasks
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.train.scenario.scenario import Scenario

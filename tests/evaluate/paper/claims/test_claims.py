@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.claim import (
+from kinemimic.evaluate.paper.claims.claim import (
     BETTER,
     INCOMPARABLE,
     LARGER,
@@ -25,8 +25,8 @@ from kinemimic.evaluate.paper.claim import (
     Best,
     Claim,
 )
-from kinemimic.evaluate.paper.claims import claims
-from kinemimic.evaluate.paper.plan import AMONG, LONGER, OURS, ROBUST, SCENARIOS
+from kinemimic.evaluate.paper.claims.claims import claims
+from kinemimic.evaluate.paper.experiments.plan import AMONG, LONGER, OURS, ROBUST, SCENARIOS
 from kinemimic.train.config.presets import PRESETS
 
 

@@ -9,9 +9,9 @@ from typing import Any
 from markupsafe import Markup
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.claim import formatted
-from kinemimic.evaluate.paper.sections import disturbances, processing, room, training
-from kinemimic.evaluate.paper.summary import counts, is_worse, our_best, ours_with_interval
+from kinemimic.evaluate.paper.claims.claim import formatted
+from kinemimic.evaluate.paper.claims.summary import counts, is_worse, our_best, ours_with_interval
+from kinemimic.evaluate.paper.page.sections import disturbances, processing, room, training
 from kinemimic.pipeline.cli.html import render
 from kinemimic.pipeline.cli.picture import Draw
 

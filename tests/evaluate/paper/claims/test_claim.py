@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from kinemimic.evaluate.paper.claim import (
+from kinemimic.evaluate.paper.claims.claim import (
     BETTER,
     CONFIRMED,
     CONTRADICTED,
