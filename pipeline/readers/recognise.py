@@ -41,6 +41,7 @@ _MODULES: tuple[str, ...] = (
     "laboratory.qualisys_tsv",
     "laboratory.motive_csv",
     "mocap.c3d",
+    "laboratory.matlab_markers",
     "segments.amass",
     "landmarks.joint_array",
     "segments.mvnx",

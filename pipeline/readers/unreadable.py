@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from kinemimic.pipeline.readers.base.npz import array_names
+from kinemimic.pipeline.readers.array_files.mat5 import heads, is_mat5
+from kinemimic.pipeline.readers.array_files.npz import array_names
 from kinemimic.pipeline.readers.base.source import Source
 
 
@@ -29,8 +30,8 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
     (b"Kaydara FBX Binary", 0, Unreadable("a file of FBX", _AS_BVH)),
     (b"glTF", 0, Unreadable("a file of glTF", _AS_BVH)),
     (b"BLENDER", 0, Unreadable("a scene of Blender", _AS_BVH)),
-    (b"MATLAB 5.0 MAT-file", 0, Unreadable("a file of MATLAB", _AS_CSV)),
-    (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5 or MATLAB", _AS_CSV)),
+    (b"MATLAB 7.3 MAT-file", 0, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
+    (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5", _AS_CSV)),
     (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
     (b"7z\xbc\xaf\x27\x1c", 0, Unreadable("a 7z archive", _UNPACK)),
     (b"Rar!\x1a\x07", 0, Unreadable("a RAR archive", _UNPACK)),
@@ -65,7 +66,8 @@ def unreadable(source: Source) -> Unreadable | None:
         return Unreadable("a spreadsheet of Excel", "save the sheet as CSV")
     if _is_utf_16(source.content[:4096]):
         return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
-    return next((what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark), None)
+    known = (what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark)
+    return next(known, _mat_file(list(heads(source))) if is_mat5(source) else None)
 
 
 def _program(content: bytes) -> str | None:
@@ -87,5 +89,14 @@ def _is_utf_16(head: bytes) -> bool:
 def _archive(names: list[str]) -> Unreadable:
     """Of an .npz archive with arrays of these names."""
     wanted = "an SMPL body's motion has trans and poses, or root_orient and pose_body, as in AMASS"
-    shown = ", ".join(name[:40] for name in names[:_MOST_NAMES]) + (" …" if len(names) > _MOST_NAMES else "")
-    return Unreadable(f"an .npz archive of {shown}", wanted)
+    return Unreadable(f"an .npz archive of {_listed(names)}", wanted)
+
+
+def _mat_file(names: list[str]) -> Unreadable:
+    """Of a MAT-file with variables of these names."""
+    wanted = "save the joints as the one array (frames, joints, 3), or as a table in CSV"
+    return Unreadable(f"a MAT-file of {_listed(names) or 'no variables'}", wanted)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(name[:40] for name in names[:_MOST_NAMES]) + (" …" if len(names) > _MOST_NAMES else "")

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.page import figures
 from kinemimic.evaluate.paper.experiments.plan import (
     AMONG,
     BALL,
@@ -20,6 +19,7 @@ from kinemimic.evaluate.paper.experiments.plan import (
     WALK,
     compared_variants,
 )
+from kinemimic.evaluate.paper.page import figures
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 

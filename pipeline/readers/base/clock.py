@@ -32,7 +32,10 @@ _UNIT_WORDS = frozenset((
 ))  # fmt: skip
 _ELAPSED = frozenset(("t", "elapsed", "clock"))
 # Names of a frame rate, their words joined.
-_RATES = frozenset(("fps", "videofps", "framerate", "videoframerate", "mocapframerate"))
+_RATES = frozenset((
+    "fps", "videofps", "framerate", "videoframerate", "mocapframerate", "samplerate", "samplingrate",
+    "samplingfrequency",
+))  # fmt: skip
 # Share of a clock's steps that go forward: recordings may be joined, or be of one person after the other.
 _FORWARD = 0.8
 # Limits of a camera's median step in seconds: 500 Hz to one picture in half a second. Units are a thousand

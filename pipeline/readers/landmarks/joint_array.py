@@ -1,7 +1,7 @@
-"""Joint arrays: numbers of shape (frames, joints, 3) in an .npy file, or in an .npz archive.
+"""Joint arrays: numbers of shape (frames, joints, 3) in an .npy file, an .npz archive or a MAT-file.
 
 A fourth number of each joint is its visibility, or its state. Joints may lie in a row, (frames, joints · 3),
-or behind the axes, (frames, 3, joints).
+or behind the axes, (frames, 3, joints), and frames come last in most MAT-files, (joints, 3, frames).
 
 Networks that lift videos to three dimensions (VideoPose3D, MMPose), data sets and programs that generate
 motion (HumanML3D) store joints like this. The array names neither its joints nor its unit, axes or rate:
@@ -21,12 +21,13 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
+from kinemimic.pipeline.readers.array_files.array_file import array_shapes, read_arrays
+from kinemimic.pipeline.readers.array_files.mat5 import is_mat5
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
-from kinemimic.pipeline.readers.base.npz import array_names, array_shapes, read_array, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_landmarks, states_of
 from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, JointSet, joint_set_of, places
@@ -36,8 +37,8 @@ FORMAT = Format(
     name="joint array",
     sensor="unknown, often a video",
     holds=f"positions of {', '.join(map(str, sorted(COUNTS)[:-1]))} or {max(COUNTS)} joints",
-    recognised_by="an .npy file, or an .npz archive with one array, of shape (frames, joints, 3), also "
-    "with a visibility, or in a row",
+    recognised_by="an .npy file, or an .npz archive or MAT-file with one array, of shape (frames, joints, "
+    "3), also with a visibility, or in a row",
     binary=True,
 )
 # Numbers of a joint, without and with how sure it is; width of a row of all joints -> the numbers of each (96
@@ -61,11 +62,11 @@ def read(source: Source) -> Clip:
     """
     name = _name(source)
     assert name is not None  # noqa: S101 (recognises() holds)
-    values = read_array(source, name)
+    values = read_arrays(source, [name])[name]
     if values.dtype.kind not in "fiu":
         raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
     with np.errstate(invalid="ignore"):  # a damaged file may hold any number
-        numbers = _by_joint(values).astype(np.float64)
+        numbers = _by_joint(values, source).astype(np.float64)
     points, visibility = numbers[..., :3], numbers[..., 3:]
     if _is_flat(points):
         raise source.error(
@@ -119,8 +120,8 @@ def _times(count: int, joint_set: JointSet, source: Source) -> VideoTimes:
     """The frames' times, from the other arrays of the archive."""
     shapes = array_shapes(source)
     rate = next((name for name, shape in shapes.items() if is_rate(name) and math.prod(shape) == 1), None)
-    of_frames = [name for name, shape in shapes.items() if shape in ((count,), (count, 1))]
-    arrays = read_arrays(source, [*of_frames, *([rate] if rate else [])]) if array_names(source) else {}
+    of_frames = [name for name, shape in shapes.items() if shape in ((count,), (count, 1), (1, count))]
+    arrays = read_arrays(source, [*of_frames, *([rate] if rate else [])])
     beside = {
         name: arrays[name].reshape(-1).astype(np.float64)
         for name in of_frames
@@ -152,28 +153,46 @@ def _whole(offsets: Array) -> Array:
 
 def _name(source: Source) -> str | None:
     """The name of the one array of joints, None without one, or with several; rotations beside are none."""
-    shapes = {name: shape for name, shape in array_shapes(source).items() if _is_of_joints(shape)}
-    places = [name for name, shape in shapes.items() if len(shape) > 2 and shape[-1] == 3]
-    names = places or list(shapes)
+    all_shapes = array_shapes(source)
+    axes = {name: found for name, shape in all_shapes.items() if (found := _axes(shape, source))}
+    rows = [name for name, shape in all_shapes.items() if _row(shape, source) is not None]
+    places = [name for name, (*_, numbers) in axes.items() if all_shapes[name][numbers] == 3]
+    names = places or [*axes, *rows]
     return names[0] if len(names) == 1 else None
 
 
-def _is_of_joints(shape: tuple[int, ...]) -> bool:
-    """Whether it is (T, J, 3 or 4), (T, 3 or 4, J) or (T, 3 J or 4 J), with an axis of one person at most."""
-    if len(shape) == 2:
-        return shape[0] > 1 and shape[1] in _FIELDS_OF_ROW
-    if len(shape) not in (3, 4) or not any(
-        joints in COUNTS and fields in _FIELDS for joints, fields in (shape[-2:], shape[:-3:-1])
-    ):
-        return False
-    *others, frames = sorted(shape[:-2])
-    return frames > 1 and all(other == 1 for other in others)
+def _axes(shape: tuple[int, ...], source: Source) -> tuple[int, int, int] | None:
+    """The axes of the frames, the joints and the 3 or 4 numbers of each; None if the shape has none.
+
+    An axis of one person does not matter. In numpy's files the frames come first where both would do, in
+    MATLAB's last.
+    """
+    many = [axis for axis, size in enumerate(shape) if size > 1]
+    if len(shape) not in (3, 4) or len(many) != 3 or 0 in shape:
+        return None
+    first, middle, last = many
+    ways = [(first, middle, last), (first, last, middle), (last, first, middle), (last, middle, first)]
+    for frames, joints, numbers in ways[::-1] if is_mat5(source) else ways:
+        if shape[joints] in COUNTS and shape[numbers] in _FIELDS:
+            return frames, joints, numbers
+    return None
 
 
-def _by_joint(values: Any) -> Any:
+def _row(shape: tuple[int, ...], source: Source) -> int | None:
+    """The axis on which all numbers of a frame lie: of (T, 3 J or 4 J) the last, in MATLAB's files also the
+    first; None without one."""
+    if len(shape) != 2 or min(shape) < 2:
+        return None
+    return next(
+        (axis for axis in ((1, 0) if is_mat5(source) else (1,)) if shape[axis] in _FIELDS_OF_ROW), None
+    )
+
+
+def _by_joint(values: Any, source: Source) -> Any:
     """An array of such a shape as (T, J, 3 or 4)."""
-    if values.ndim == 2:
-        return values.reshape(len(values), -1, _FIELDS_OF_ROW[values.shape[1]])
-    if values.shape[-1] in COUNTS:
-        values = np.swapaxes(values, -1, -2)
-    return values.reshape(-1, *values.shape[-2:])
+    if (row := _row(values.shape, source)) is not None:
+        frames = np.moveaxis(values, row, 1)
+        return frames.reshape(len(frames), -1, _FIELDS_OF_ROW[frames.shape[1]])
+    axes = _axes(values.shape, source)
+    assert axes is not None  # noqa: S101 (its name was chosen by its shape)
+    return np.moveaxis(values, axes, (-3, -2, -1)).reshape([values.shape[axis] for axis in axes])

@@ -91,6 +91,12 @@ _BODY_25: tuple[str, ...] = (
     *_sided("eye", "ear", first="right"),
     *(f"{side}_{part}" for side in ("left", "right") for part in ("big_toe", "small_toe", "heel")),
 )  # fmt: skip
+# A Kinect v1's as the Multimodal Human Action Dataset of the University of Texas at Dallas has them.
+_UTD_MHAD: tuple[str, ...] = (
+    "head", "shoulder_center", "spine", "hip_center",
+    *(f"{joint}_{side}" for side in _SIDES for joint in ("shoulder", "elbow", "wrist", "hand")),
+    *(f"{joint}_{side}" for side in _SIDES for joint in ("hip", "knee", "ankle", "foot")),
+)  # fmt: skip
 _SMPL_24 = (*SMPL_22, "left_hand", "right_hand")
 _HEAD = {"head": OF_NODE["head"]}  # COCO and OpenPose call the ears as MediaPipe does
 KINECT_V1 = JointSet("Kinect v1", NODES, Y_UP_TO_Z_UP)
@@ -101,6 +107,7 @@ SETS: tuple[JointSet, ...] = (
     JointSet("Human3.6M, 17 joints", _HUMAN36M, WORLD_FROM_CAMERA),
     JointSet("COCO, 17 keypoints", _COCO, WORLD_FROM_CAMERA, also=_HEAD),
     KINECT_V1,
+    JointSet("UTD-MHAD, 20 joints", _UTD_MHAD, Y_UP_TO_Z_UP),
     # HumanML3D's, and what is generated in its form.
     JointSet("SMPL, 22 joints", SMPL_22, Y_UP_TO_Z_UP, rate=20.0),
     JointSet("SMPL, 24 joints", _SMPL_24, Y_UP_TO_Z_UP),
@@ -133,7 +140,7 @@ def joint_set_of(points: Array) -> JointSet | None:
 
 def _error(points: Array, joint_set: JointSet) -> float:
     """Mean over the limbs' bones of the variation of their lengths, and of the difference between the sides,
-    as shares of the lengths; infinity if a bone is never seen."""
+    as shares of the lengths; infinity if a bone is never seen, and for a pelvis that is not at the hips."""
     nodes = places(points[:: len(points) // _SAMPLE_FRAMES + 1], joint_set)
     medians, variations = [], []
     for limb in _LIMBS:
@@ -145,5 +152,19 @@ def _error(points: Array, joint_set: JointSet) -> float:
             return np.inf
         medians.append(median)
         variations.append(float(np.median(np.abs(lengths - median))) / median)
+    if not _pelvis_at_hips(nodes):
+        return np.inf
     left, right = np.array(medians[::2]), np.array(medians[1::2])
     return float(np.mean(variations) + np.mean(np.abs(left - right) / np.maximum(left, right)))
+
+
+def _pelvis_at_hips(nodes: Mapping[str, Array]) -> bool:
+    """Whether the pelvis is nearer to the hips than to the shoulders, where it is a joint of its own."""
+    if "hip_center" not in nodes:
+        return True
+    to_hips, to_shoulders = (
+        np.linalg.norm(nodes["hip_center"] - 0.5 * (nodes[f"{end}_left"] + nodes[f"{end}_right"]), axis=-1)
+        for end in ("hip", "shoulder")
+    )
+    seen = np.isfinite(to_hips) & np.isfinite(to_shoulders)
+    return not seen.any() or bool(np.median(to_hips[seen]) < np.median(to_shoulders[seen]))

@@ -91,12 +91,12 @@ def _people(labels: tuple[str, ...]) -> tuple[tuple[str, ...], dict[str, list[in
             name: [k for k, one in enumerate(names) if one == name]
             for name in dict.fromkeys(filter(None, names))
         }
-        members = {name: found for name, found in named.items() if _has_legs([rests[k] for k in found])}
+        members = {name: found for name, found in named.items() if has_legs([rests[k] for k in found])}
         unnamed = [k for k, name in enumerate(names) if name not in members]
         bare = tuple(
             rest if name in members else label for label, name, rest in zip(labels, names, rests, strict=True)
         )
-        if members and _has_legs([labels[k] for k in unnamed]):
+        if members and has_legs([labels[k] for k in unnamed]):
             members[""] = unnamed
         if len(members) > 1:
             return bare, dict(sorted(members.items(), key=lambda item: item[1][0]))
@@ -118,7 +118,7 @@ def _last_word(label: str) -> tuple[str, str]:
     return (parts["name"] or parts["number"], parts["label"]) if parts else ("", label)
 
 
-def _has_legs(labels: Sequence[str]) -> bool:
+def has_legs(labels: Sequence[str]) -> bool:
     """Whether there are hips, knees and ankles, or markers at, or clusters around, the knees and ankles."""
     if len(labels) < len(REQUIRED):
         return False

@@ -37,11 +37,11 @@ from kinemimic.pipeline.kinematics.rotations import (
     rotate,
 )
 from kinemimic.pipeline.kinematics.skeleton import SIDES, TRACKED, Skeleton
+from kinemimic.pipeline.readers.array_files.npz import array_names, array_shapes, read_arrays
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote
-from kinemimic.pipeline.readers.base.npz import array_names, array_shapes, read_arrays
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.segments.path_unit import path_unit
 from kinemimic.pipeline.readers.segments.smpl_arrays import numbers, smpl_arrays, turns

@@ -22,6 +22,7 @@ import samples
 from samples import andersson, asf_amc, kimore, nui_skl, reader_modules, treadmill
 from samples import bvh as bvh_sample
 from samples.joint_array import archive, saved
+from samples.matlab_markers import saved as mat_file
 
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.readers import recognise
@@ -189,7 +190,11 @@ WALK = b"HIERARCHY " * 100
         (tarred(WALK), "a tar archive; unpack it first"),
         (b"Kaydara FBX Binary  \0\x1a\0" + bytes(99), "a file of FBX; export its motion as BVH"),
         (b"glTF\x02\0\0\0" + bytes(99), "a file of glTF; export its motion as BVH"),
-        (b"MATLAB 5.0 MAT-file, Platform" + bytes(99), "a file of MATLAB; save the positions of the joints"),
+        (
+            mat_file(angles=np.zeros((40, 7)), note="none"),
+            "a MAT-file of angles, note; save the joints as the one",
+        ),
+        (b"MATLAB 7.3 MAT-file, Platform" + bytes(99), "a MAT-file of version 7.3; save it with `save"),
         (bz2.compress(WALK), "a file packed by bzip2; unpack it first"),
         (lzma.compress(WALK), "a file packed by xz; unpack it first"),
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),

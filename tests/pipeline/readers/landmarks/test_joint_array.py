@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples.joint_array import archive, files, joints, saved
+from samples.matlab_markers import saved as mat_file
 from samples.motion import Walk, walk
 
 from kinemimic.pipeline.errors import CaptureError
@@ -119,6 +120,27 @@ def test_the_arrays_of_other_programs(layout: str, joint_set: JointSet) -> None:
     np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
     seen = clip.states[:, clip.skeleton.names.index("knee_left")].tolist()
     assert seen == ([2] * 10 + [1] * 20 if "state" in layout else [2] * 30)
+
+
+@pytest.mark.parametrize("joint_set", SETS, ids=lambda one: one.name)
+@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
+def test_a_mat_file_has_the_frames_first_or_last(axes: tuple[int, int, int], joint_set: JointSet) -> None:
+    shown = walk(60)
+    content = mat_file(d_skel=np.transpose(joints(shown, joint_set), axes), action="walk")
+    clip = read(content, "joints.mat")
+    assert clip.provenance["reading"]["notes"][0].startswith(joint_set.name)
+    np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+
+
+@pytest.mark.parametrize("frames_last", [False, True])
+def test_a_mat_file_of_rows_with_its_clock(frames_last: bool) -> None:
+    shown = walk(50)
+    rows = joints(shown, KINECT_V2).reshape(50, -1)
+    clip = read(mat_file(skeleton=rows.T if frames_last else rows, SamplingRate=60.0), "joints.mat")
+    np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+    assert clip.rate == pytest.approx(60.0)
+    timed = mat_file(skeleton=rows, times=np.arange(50) / 20.0)
+    assert read(timed, "joints.mat").rate == pytest.approx(20.0)
 
 
 def test_rotations_beside_the_joints_of_an_archive() -> None:

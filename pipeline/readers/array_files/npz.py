@@ -100,10 +100,8 @@ def array_shapes(source: Source) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def read_array(source: Source, name: str) -> NDArray[Any]:
-    """The array that `array_shapes` calls `name`; CaptureError as in `read_arrays`."""
-    if name:
-        return read_arrays(source, [name])[name]
+def read_array(source: Source) -> NDArray[Any]:
+    """The array of an .npy file; CaptureError as in `read_arrays`."""
     return _array(source.path.stem, source.content, source)
 
 

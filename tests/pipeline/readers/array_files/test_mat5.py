@@ -1,0 +1,125 @@
+"""MAT-files that scipy writes, and its own reader as the other opinion."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from samples.matlab_markers import cells, saved
+from scipy.io import loadmat
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.readers.array_files import mat5
+from kinemimic.pipeline.readers.base.source import Source
+
+RANDOM = np.random.default_rng(0)
+VARIABLES: dict[str, Any] = {
+    **{
+        f"of_{dtype}": (100.0 * RANDOM.random((3, 4, 5))).astype(dtype)
+        for dtype in ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8")
+    },
+    "scalar": 3.5,
+    "row": np.arange(4.0),
+    "words": "a walk, à pied",
+    "lines": np.array(["one", "three"]),
+    "names": cells(["LASI", "RASI"]),
+    "nested": {"inner": {"rate": 100.0, "labels": cells(["a", "b"])}, "empty": np.zeros((0, 3))},
+}
+
+
+def source(content: bytes) -> Source:
+    return Source(Path("x.mat"), content, "")
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_values_are_those_that_were_saved(compressed: bool) -> None:
+    content = saved(**VARIABLES, compressed=compressed)
+    found = mat5.variables(source(content), VARIABLES)
+    for name, value in loadmat(io.BytesIO(content)).items():
+        if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+            assert found[name].dtype == value.dtype
+            np.testing.assert_array_equal(found[name], value)
+    assert found["words"] == VARIABLES["words"]
+    assert mat5.texts(found["lines"]) == ("one", "three")
+    assert mat5.texts(found["names"]) == ("LASI", "RASI")
+    assert mat5.field(found["nested"], "inner", "rate") == 100.0
+    assert mat5.texts(mat5.field(found["nested"], "inner", "labels")) == ("a", "b")
+    assert mat5.field(found["nested"], "empty").shape == (0, 3)
+    assert mat5.field(found["nested"], "inner", "other", "more") is None
+    assert mat5.variables(source(content), ["absent"]) == {}
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_heads_tell_shapes_kinds_and_fields(compressed: bool) -> None:
+    heads = mat5.heads(source(saved(**VARIABLES, compressed=compressed)))
+    assert list(heads) == list(VARIABLES)
+    assert heads["of_f4"] == mat5.Head((3, 4, 5), "number")
+    assert heads["nested"] == mat5.Head((1, 1), "struct", ("inner", "empty"))
+    assert (heads["names"].kind, heads["words"].kind) == ("cell", "char")
+
+
+def test_an_array_of_structures_and_what_is_no_number() -> None:
+    people = np.zeros((1, 2), dtype=[("name", object), ("height", object)])
+    people[0, 0], people[0, 1] = ("A", 1.7), ("B", 1.8)
+    content = saved(people=people, wave=np.array([1.0 + 2.0j]))
+    found = mat5.variables(source(content), ["people"])["people"]
+    assert [(one["name"], float(one["height"][0, 0])) for one in found] == [("A", 1.7), ("B", 1.8)]
+    assert mat5.field(found, "name") == "A"
+    assert mat5.variables(source(content), ["wave"])["wave"] is None
+
+
+def test_big_endian() -> None:
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack(">II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    matrix = b"".join([
+        element(6, struct.pack(">II", 6, 0)),
+        element(5, struct.pack(">ii", 2, 2)),
+        element(1, b"a"),
+        element(9, struct.pack(">4d", 1.0, 2.0, 3.0, 4.0)),
+    ])  # fmt: skip
+    header = mat5.MARK.ljust(124) + b"\x01\x00MI"
+    found = mat5.variables(source(header + element(14, matrix)), ["a"])["a"]
+    np.testing.assert_array_equal(found, [[1.0, 3.0], [2.0, 4.0]])
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_a_file_that_is_cut_off(compressed: bool) -> None:
+    content = saved(values=RANDOM.random((50, 20)), compressed=compressed)
+    with pytest.raises(CaptureError, match="expected a whole MAT-file, found damage"):
+        mat5.variables(source(content[: len(content) // 2]), ["values"])
+    assert mat5.heads(source(content[:140])) == {}
+
+
+def test_nesting_has_a_limit() -> None:
+    value: Any = 1.0
+    for _ in range(40):
+        value = {"a": value}
+    content = saved(value=value)
+    with pytest.raises(CaptureError, match="too deep"):
+        mat5.variables(source(content), ["value"])
+
+
+def test_a_variable_that_unpacks_to_more_than_the_limit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mat5, "MAX_BYTES", 2**20)
+    content = saved(zeros=np.zeros(2**18))
+    assert len(content) < 2**13
+    with pytest.raises(CaptureError, match="a variable of at most 1 MB, found a larger one"):
+        mat5.variables(source(content), ["zeros"])
+
+
+def test_cells_that_claim_more_than_there_is() -> None:
+    content = bytearray(saved(names=cells(["a", "b"]), compressed=False))
+    at = content.index(struct.pack("<ii", 1, 2))
+    content[at : at + 8] = struct.pack("<ii", 2**15, 2**15)
+    with pytest.raises(CaptureError, match="more than 1,000,000 values"):
+        mat5.variables(source(bytes(content)), ["names"])
+
+
+def test_other_files_have_no_heads() -> None:
+    assert mat5.heads(source(zlib.compress(b"anything"))) == {}

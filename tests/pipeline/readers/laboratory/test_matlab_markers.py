@@ -1,0 +1,163 @@
+"""MAT-files of QTM and the MoCap Toolbox, written by scipy from the known walk."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from samples import matlab_markers as sample
+from samples import qualisys_tsv, source_of
+from samples.motion import walk
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
+
+FRAMES = 30
+PLACES = 1000.0 * sample.points(FRAMES)
+LABELS = list(sample.MARKERS)
+JOINTS = {
+    "Hips": "hip_center", "Spine": "spine", "Neck": "shoulder_center", "Head": "head",
+    **{
+        f"{side}{bone}": f"{node}_{side.lower()}"
+        for side in ("Left", "Right")
+        for bone, node in (
+            ("Arm", "shoulder"), ("ForeArm", "elbow"), ("Hand", "wrist"),
+            ("UpLeg", "hip"), ("Leg", "knee"), ("Foot", "ankle"), ("ToeBase", "foot"),
+        )
+    },
+}  # fmt: skip
+
+
+def read(content: bytes) -> Clip:
+    return recognise.read_source(Source(Path("walk.mat"), content, hashlib.sha256(content).hexdigest()))
+
+
+def same_as_tsv(clip: Clip) -> None:
+    text = qualisys_tsv.files(FRAMES)["walk.tsv"].decode()
+    same = recognise.read_source(source_of(text, Path("walk.tsv")))
+    assert clip.skeleton.names == same.skeleton.names
+    np.testing.assert_allclose(clip.positions, same.positions, atol=2e-6)
+    np.testing.assert_allclose(clip.times, same.times, atol=1e-9)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_the_same_markers_as_in_tsv(compressed: bool) -> None:
+    clip = read(sample.saved(walk=sample.qtm(LABELS, PLACES), compressed=compressed))
+    assert clip.provenance["format"] == "markers in a MAT-file"
+    same_as_tsv(clip)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_the_mocap_toolbox(compressed: bool) -> None:
+    same_as_tsv(read(sample.saved(d=sample.toolbox(LABELS, PLACES), compressed=compressed)))
+
+
+def test_a_marker_that_is_hidden_for_a_while_is_missing_or_filled() -> None:
+    places = PLACES.copy()
+    places[4:9, LABELS.index("LANK")] = np.nan
+    clip = read(sample.saved(walk=sample.qtm(LABELS, places)))
+    ankle = clip.positions[:, clip.skeleton.names.index("ankle_left")]
+    assert not np.isfinite(ankle[5]).all() or np.abs(ankle[5] - ankle[4]).max() < 0.2
+    assert np.isfinite(ankle[[0, 12]]).all()
+
+
+def by_name(scale: float = 1.0, width: int = 3) -> dict[str, np.ndarray]:
+    padded = np.concatenate([PLACES, np.ones((FRAMES, len(LABELS), 1))], axis=-1)[..., :width]
+    return {label: scale * padded[:, k] for k, label in enumerate(LABELS)}
+
+
+def test_a_variable_for_each_marker_and_their_rate() -> None:
+    clip = read(sample.saved(**by_name(), fs=sample.RATE))
+    same_as_tsv(clip)
+    assert "rate of fs" in clip.provenance["reading"]["notes"]
+
+
+def test_a_cell_for_each_signal_as_of_visual3d_in_metres() -> None:
+    signals = {label: cell(value) for label, value in by_name(1e-3).items()}
+    angles = cell(np.zeros((FRAMES, 3)))
+    clip = read(sample.saved(FRAME_RATE=cell(np.array([[sample.RATE]])), L_HIP_ANGLE=angles, **signals))
+    same_as_tsv(clip)
+    assert clip.provenance["reading"]["units"] == "m"
+    assert not clip.provenance["reading"]["defects"]
+
+
+def test_a_structure_of_markers_without_a_rate() -> None:
+    clip = read(sample.saved(markers=by_name(width=4), gait={"side": "L"}))
+    assert clip.rate == pytest.approx(100.0)
+    assert any("no rate in the file: 100 Hz" in note for note in clip.provenance["reading"]["notes"])
+
+
+def test_a_structure_of_a_kinects_joints() -> None:
+    shown = walk(FRAMES)
+    named = ("HipLeft", "KneeLeft", "AnkleLeft", "HipRight", "KneeRight", "AnkleRight", "ShoulderCenter")
+    nodes = ["_".join(re.findall("[A-Z][a-z]+", name)).lower() for name in named]
+    joints = {name: shown.joints[:, NODE_INDEX[node]] for name, node in zip(named, nodes, strict=True)}
+    clip = read(sample.saved(skeleton=joints))
+    expected = np.stack([shown.joints[:, NODE_INDEX[node]] for node in clip.skeleton.names], axis=1)
+    np.testing.assert_allclose(clip.positions, expected, atol=1e-6)
+    assert clip.rate == pytest.approx(30.0)
+
+
+def cell(value: np.ndarray) -> np.ndarray:
+    found = np.empty((1, 1), dtype=object)
+    found[0, 0] = value
+    return found
+
+
+def skeleton(name: str, names: list[str], places: np.ndarray) -> dict[str, Any]:
+    return {
+        "SkeletonName": name,
+        "NrOfSegments": float(len(names)),
+        "SegmentLabels": sample.cells(names),
+        "PositionData": np.moveaxis(places, (0, 1, 2), (2, 1, 0)),
+        "RotationData": np.ones((4, len(names), len(places))),
+    }
+
+
+def test_a_skeleton_is_read_at_its_joints() -> None:
+    shown = walk(FRAMES, sample.RATE)
+    nodes = [NODE_INDEX[node] for node in JOINTS.values()]
+    solved = skeleton("S1", list(JOINTS), 1000.0 * shown.joints[:, nodes])
+    clip = read(sample.saved(walk=sample.qtm([], np.zeros((FRAMES, 0, 3)), Skeletons=solved)))
+    expected = np.stack([shown.joints[:, NODE_INDEX[node]] for node in clip.skeleton.names], axis=1)
+    assert {"hip_left", "knee_right", "ankle_left", "foot_left"} <= set(clip.skeleton.names)
+    np.testing.assert_allclose(clip.positions, expected, atol=1e-6)
+
+
+def changed(path: str, value: Any) -> dict[str, Any]:
+    found = sample.qtm(LABELS, PLACES)
+    *above, last = path.split(".")
+    inside = found
+    for name in above:
+        inside = inside[name]
+    inside[last] = value
+    return found
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (changed("FrameRate", 0.0), r"a rate in Hz in FrameRate, found 0"),
+        (changed("FrameRate", "fast"), r"a rate in Hz in FrameRate, found 0"),
+        (changed("Trajectories.Labeled.Data", PLACES), r"Data of shape \(\d+ labels, 4, frames\)"),
+        (changed("Trajectories.Labeled.Labels", sample.cells([])), "expected labelled trajectories"),
+        (changed("Trajectories.Labeled.Labels", sample.cells(["a"] * len(LABELS))), "hips|pelvis"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_said_in_one_line(content: dict[str, Any], expected: str) -> None:
+    with pytest.raises(CaptureError, match=expected) as caught:
+        read(sample.saved(walk=content))
+    assert "\n" not in str(caught.value)
+
+
+def test_toolbox_without_as_many_numbers_as_names() -> None:
+    wrong = {**sample.toolbox(LABELS, PLACES), "data": PLACES[:, :-1].reshape(FRAMES, -1)}
+    with pytest.raises(CaptureError, match="3 for each of them"):
+        read(sample.saved(d=wrong))
