@@ -38,6 +38,7 @@ _MODULES: tuple[str, ...] = (
     "landmarks.nuitrack_csv",
     "landmarks.zed_json",
     "laboratory.nexus_csv",
+    "laboratory.qualisys_skeleton",
     "laboratory.qualisys_tsv",
     "laboratory.motive_csv",
     "mocap.c3d",

@@ -27,13 +27,14 @@ from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres
 from kinemimic.pipeline.readers.optical.marker_names import joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
-from kinemimic.pipeline.readers.optical.people import has_legs, main_person
+from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
+from kinemimic.pipeline.readers.optical.people import has_legs
 
 FORMAT = Format(
     name="markers in a MAT-file",
@@ -75,14 +76,9 @@ def read(source: Source) -> Clip:
     """
     labels, points, stated, rate, notes = _points(source)
     unit = source.unit or stated or _likeliest_unit(labels, points)
-    points = points * UNITS[unit]
     defects = zero_frames(points)
-    labels, points, others = main_person(labels, points)
-    defects += others
-    if source.unit is None:
-        points, unit_defects = in_metres(labels, points)
-        defects += unit_defects
-        refuse_remote(points, labels, source, lambda row: f"frame {row}", unit="m" if unit_defects else unit)
+    labels, points, wrong = metres_of_one_person(labels, points, unit, source)
+    defects += wrong
     return clip_of_markers(
         labels,
         np.arange(len(points)) / rate,

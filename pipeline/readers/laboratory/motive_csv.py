@@ -15,16 +15,16 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
-from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
+from kinemimic.pipeline.readers.optical.declared_unit import unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
-from kinemimic.pipeline.readers.optical.people import main_person
+from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
 
 FORMAT = Format(
     name="OptiTrack Motive CSV",
@@ -94,24 +94,16 @@ def read(source: Source) -> Clip:
     times, notes = _times(clock[later], facts)
     labels = tuple(places)
     columns = [column for label in labels for column in places[label]]
-    points = table.values[later][:, columns].reshape(-1, len(labels), 3) * UNITS[unit]
+    points = table.values[later][:, columns].reshape(-1, len(labels), 3)
     if kind == _BONE:
         notes.append("a skeleton's bones are read as joints at their positions; their rotations are not read")
     else:
         labels = marker_set(source).renamed(labels, source)
-    labels, points, others = main_person(labels, points)
-    defects += others
-    if source.unit is None:
-        points, unit_defects = in_metres(labels, points)
-        defects += unit_defects
-        lines = np.flatnonzero(later)
-        refuse_remote(
-            points,
-            labels,
-            source,
-            lambda row: table.where(int(lines[row])),
-            unit="m" if unit_defects else unit,
-        )
+    lines = np.flatnonzero(later)
+    labels, points, wrong = metres_of_one_person(
+        labels, points, unit, source, lambda row: table.where(int(lines[row]))
+    )
+    defects += wrong
     y_up = space.lower() == "global"
     return clip_of_markers(
         labels,

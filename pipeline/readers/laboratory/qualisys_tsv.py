@@ -8,6 +8,7 @@ in millimetres. Cells of a marker that was not seen are empty, NULL or zero. Z i
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,16 +16,15 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.numbers import Table, is_empty, parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
-from kinemimic.pipeline.readers.optical.people import main_person
+from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
 
 FORMAT = Format(
     name="Qualisys TSV",
@@ -54,7 +54,7 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged header or table, rigid bodies without markers, and markers from which
     legs cannot be computed.
     """
-    header, start, names = _header(source)
+    header, start, names = header_of(source)
     labels = tuple(name.strip() for name in header.get(_NAMES, ()))
     if not labels:
         raise source.error(
@@ -62,26 +62,15 @@ def read(source: Source) -> Clip:
             found="rigid bodies only" if "BODY_NAMES" in header else "none",
             advice="export the trajectories (3D) from QTM",
         )
-    rate = to_number((header.get(_RATE) or [""])[0].replace(",", "."))
-    if rate is None or not 0.0 < rate <= _MAX_RATE:
-        raise source.error(
-            expected=f"a rate in Hz in {_RATE}", found=repr((header.get(_RATE) or [""])[0][:20])
-        )
+    rate = rate_of(header, source)
     table, values = _table(source, start, names, len(labels))
     labels = marker_set(source).renamed(labels, source)
     unit = source.unit or UNIT
-    points = values.reshape(len(values), len(labels), 3) * UNITS[unit]
+    points = values.reshape(len(values), len(labels), 3)
     defects = zero_frames(points)
-    labels, points, others = main_person(labels, points)
-    defects += others
-    if source.unit is None:
-        points, unit_defects = in_metres(labels, points)
-        defects += unit_defects
-        refuse_remote(points, labels, source, table.where, unit="m" if unit_defects else unit)
-    stated = to_number((header.get(_FRAMES) or [""])[0])
-    if stated is not None and len(points) < stated < 1e9:
-        text = f"the header declares {stated:g} frames but the file has {len(points)}: it may be cut off"
-        defects.append(Defect("dropped_frames", int(stated) - len(points), "frames", "flagged", text))
+    labels, points, wrong = metres_of_one_person(labels, points, unit, source, table.where)
+    defects += wrong
+    defects += cut_off(header, len(points))
     return clip_of_markers(
         labels,
         np.arange(len(points)) / rate,
@@ -100,7 +89,7 @@ def read(source: Source) -> Clip:
     )
 
 
-def _header(source: Source) -> tuple[dict[str, list[str]], int, list[str]]:
+def header_of(source: Source) -> tuple[dict[str, list[str]], int, list[str]]:
     """Key -> its values, the line (from 0) on which the frames begin, and the names of their columns, if a
     line has them."""
     header: dict[str, list[str]] = {}
@@ -113,6 +102,24 @@ def _header(source: Source) -> tuple[dict[str, list[str]], int, list[str]]:
         elif line.strip():
             return header, number, []
     raise source.error(expected="frames below the header", found="none")
+
+
+def rate_of(header: Mapping[str, Sequence[str]], source: Source) -> float:
+    """The rate in Hz that the header states; CaptureError without one."""
+    stated = (header.get(_RATE) or [""])[0]
+    rate = to_number(stated.replace(",", "."))
+    if rate is None or not 0.0 < rate <= _MAX_RATE:
+        raise source.error(expected=f"a rate in Hz in {_RATE}", found=repr(stated[:20]))
+    return rate
+
+
+def cut_off(header: Mapping[str, Sequence[str]], frames: int) -> list[Defect]:
+    """The defect that the header declares more frames than there are."""
+    stated = to_number((header.get(_FRAMES) or [""])[0])
+    if stated is None or not frames < stated < 1e9:
+        return []
+    text = f"the header declares {stated:g} frames but the file has {frames}: it may be cut off"
+    return [Defect("dropped_frames", int(stated) - frames, "frames", "flagged", text)]
 
 
 def _is_word(cell: str) -> bool:

@@ -13,17 +13,16 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
-from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, semicolon_or_comma
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
-from kinemimic.pipeline.readers.optical.people import main_person
+from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
 
 RATE = 100.0
 UNIT = "mm"
@@ -57,14 +56,10 @@ def read(source: Source) -> Clip:
     width = len(source.head[0].split(separator))
     table = parse_sparse_table(source, start=line, width=width, separator=separator, keep_empty_rows=True)
     unit = source.unit or UNIT
-    points = table.values[:, columns].reshape(len(table.values), len(labels), 3) * UNITS[unit]
+    points = table.values[:, columns].reshape(len(table.values), len(labels), 3)
     defects = zero_frames(points)
-    labels, points, others = main_person(labels, points)
-    defects += others
-    if source.unit is None:
-        points, unit_defects = in_metres(labels, points)
-        defects += unit_defects
-        refuse_remote(points, labels, source, table.where, unit="m" if unit_defects else unit)
+    labels, points, wrong = metres_of_one_person(labels, points, unit, source, table.where)
+    defects += wrong
     return clip_of_markers(
         labels,
         np.arange(len(points)) / RATE,

@@ -18,10 +18,10 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import (
     Table,
     decimal_points,
@@ -30,10 +30,10 @@ from kinemimic.pipeline.readers.base.numbers import (
     parse_table,
 )
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
+from kinemimic.pipeline.readers.optical.declared_unit import unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
-from kinemimic.pipeline.readers.optical.people import main_person
+from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
 
 FORMAT = Format(
     name="TRC",
@@ -93,19 +93,11 @@ def read(source: Source) -> Clip:
     times, time_notes = _times(clock, later, declared, source)
     notes += time_notes
     kept = values if later.all() else values[later]
-    points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
-    labels, points, others = main_person(labels, points)
-    defects += others
-    if source.unit is None:
-        points, unit_defects = in_metres(labels, points)
-        defects += unit_defects
-        refuse_remote(
-            points,
-            labels,
-            source,
-            lambda row: table.where(int(np.flatnonzero(later)[row])),
-            unit="m" if unit_defects else units,
-        )
+    points = kept[:, 2:].reshape(-1, count, 3)
+    labels, points, wrong = metres_of_one_person(
+        labels, points, units, source, lambda row: table.where(int(np.flatnonzero(later)[row]))
+    )
+    defects += wrong
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
         stated = declared.get(key, "")
         if key == "numframes" and stated.isdecimal() and len(stated) < 9 and int(stated) > found:
