@@ -24,7 +24,7 @@ from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
 from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply, rotate, to_matrix, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base import npz
+from kinemimic.pipeline.readers.array_files import npz
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.segments import amass
 from kinemimic.pipeline.writers.bvh import write_bvh
