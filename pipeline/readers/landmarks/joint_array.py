@@ -4,10 +4,12 @@ A fourth number of each joint is its visibility, or its state. Joints may lie in
 or behind the axes, (frames, 3, joints), and frames come last in most MAT-files, (joints, 3, frames).
 
 Networks that lift videos to three dimensions (VideoPose3D, MMPose), data sets and programs that generate
-motion (HumanML3D) store joints like this. The array names neither its joints nor its unit, axes or rate:
-the joints are those of the set in which they make a body (`joint_sets.py`), the unit follows from the legs,
-and the rate is the set's usual one unless --rate states another, or other arrays of the archive: times or
-frame numbers of all frames ("timestamps"), or a rate ("fps").
+motion (HumanML3D) store joints like this. Of HumanML3D's vectors, joints are computed (`humanml3d.py`).
+
+The array names neither its joints nor its unit, axes or rate: the joints are those of the set in which they
+make a body (`joint_sets.py`), the unit follows from the legs, and the rate is the set's usual one unless
+--rate states another, or other arrays of the archive: times or frame numbers of all frames ("timestamps"), or
+a rate ("fps").
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.landmarks import humanml3d
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_landmarks, states_of
 from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, JointSet, joint_set_of, places
 from kinemimic.pipeline.readers.landmarks.video_clock import VideoTimes, stated_rate, times_of_frames
@@ -38,7 +41,7 @@ FORMAT = Format(
     sensor="unknown, often a video",
     holds=f"positions of {', '.join(map(str, sorted(COUNTS)[:-1]))} or {max(COUNTS)} joints",
     recognised_by="an .npy file, or an .npz archive or MAT-file with one array, of shape (frames, joints, "
-    "3), also with a visibility, or in a row",
+    "3), also with a visibility, or in a row, or HumanML3D's 263 numbers",
     binary=True,
 )
 # Numbers of a joint, without and with how sure it is; width of a row of all joints -> the numbers of each (96
@@ -47,6 +50,7 @@ _FIELDS = (3, 4)
 _FIELDS_OF_ROW: dict[int, int] = {
     fields * joints: fields for fields in reversed(_FIELDS) for joints in COUNTS
 }
+_WIDTHS = {*_FIELDS_OF_ROW, humanml3d.WIDTH}
 
 
 def recognises(source: Source) -> bool:
@@ -66,7 +70,7 @@ def read(source: Source) -> Clip:
     if values.dtype.kind not in "fiu":
         raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
     with np.errstate(invalid="ignore"):  # a damaged file may hold any number
-        numbers = _by_joint(values, source).astype(np.float64)
+        numbers = _by_joint(values.astype(np.float64), source)
     points, visibility = numbers[..., :3], numbers[..., 3:]
     if _is_flat(points):
         raise source.error(
@@ -179,19 +183,20 @@ def _axes(shape: tuple[int, ...], source: Source) -> tuple[int, int, int] | None
 
 
 def _row(shape: tuple[int, ...], source: Source) -> int | None:
-    """The axis on which all numbers of a frame lie: of (T, 3 J or 4 J) the last, in MATLAB's files also the
-    first; None without one."""
+    """The axis on which all numbers of a frame lie: of (T, 3 J or 4 J), and of HumanML3D's vectors, the last,
+    in MATLAB's files also the first; None without one."""
     if len(shape) != 2 or min(shape) < 2:
         return None
-    return next(
-        (axis for axis in ((1, 0) if is_mat5(source) else (1,)) if shape[axis] in _FIELDS_OF_ROW), None
-    )
+    axes = (1, 0) if is_mat5(source) else (1,)
+    return next((axis for axis in axes if shape[axis] in _WIDTHS), None)
 
 
 def _by_joint(values: Any, source: Source) -> Any:
     """An array of such a shape as (T, J, 3 or 4)."""
     if (row := _row(values.shape, source)) is not None:
         frames = np.moveaxis(values, row, 1)
+        if frames.shape[1] == humanml3d.WIDTH:
+            return humanml3d.joints_of(frames)
         return frames.reshape(len(frames), -1, _FIELDS_OF_ROW[frames.shape[1]])
     axes = _axes(values.shape, source)
     assert axes is not None  # noqa: S101 (its name was chosen by its shape)
