@@ -30,7 +30,7 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
     (b"Kaydara FBX Binary", 0, Unreadable("a file of FBX", _AS_BVH)),
     (b"glTF", 0, Unreadable("a file of glTF", _AS_BVH)),
     (b"BLENDER", 0, Unreadable("a scene of Blender", _AS_BVH)),
-    (b"MATLAB 7.3 MAT-file", 0, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
+    (b"\x89HDF\r\n", 512, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
     (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5", _AS_CSV)),
     (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
     (b"7z\xbc\xaf\x27\x1c", 0, Unreadable("a 7z archive", _UNPACK)),

@@ -138,7 +138,10 @@ def _variables(source: Source, most: int) -> Iterator[_Element]:
             yield element._replace(data=element.data[:most])
         elif element.kind == _COMPRESSED:
             # 8 bytes are the tag of what is inside.
-            unpacked = memoryview(zlib.decompressobj().decompress(element.data, most + 8))
+            stream = zlib.decompressobj()
+            unpacked = memoryview(stream.decompress(element.data, most + 8))
+            if not stream.eof and len(unpacked) < most + 8:
+                raise ValueError("compressed data are cut off")
             (kind,) = struct.unpack_from(order + "I", unpacked)
             if kind == _MATRIX:
                 yield _Element(kind, unpacked[8:], order)

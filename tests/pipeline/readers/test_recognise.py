@@ -194,7 +194,10 @@ WALK = b"HIERARCHY " * 100
             mat_file(angles=np.zeros((40, 7)), note="none"),
             "a MAT-file of angles, note; save the joints as the one",
         ),
-        (b"MATLAB 7.3 MAT-file, Platform" + bytes(99), "a MAT-file of version 7.3; save it with `save"),
+        (
+            b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(99),
+            "a MAT-file of version 7.3; save it with `save",
+        ),
         (bz2.compress(WALK), "a file packed by bzip2; unpack it first"),
         (lzma.compress(WALK), "a file packed by xz; unpack it first"),
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
 from samples.matlab_markers import cells, saved
 from scipy.io import loadmat
 
@@ -17,6 +18,16 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.array_files import mat5
 from kinemimic.pipeline.readers.base.source import Source
 
+# Files of MATLAB 6.1 (big-endian) to 7.4 for scipy's own tests; others are damaged, or of functions.
+DATA = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
+OF_MATLAB = [
+    path
+    for kind in ("3dmatrix", "cell", "cellnest", "complex", "double", "emptycell", "matrix", "minus", "multi",
+                 "onechar", "simplecell", "string", "stringarray", "struct", "structarr", "structnest",
+                 "unicode")
+    for path in sorted(DATA.glob(f"test{kind}_*.mat"))
+    if "_4" not in path.stem
+]  # fmt: skip
 RANDOM = np.random.default_rng(0)
 VARIABLES: dict[str, Any] = {
     **{
@@ -52,6 +63,42 @@ def test_values_are_those_that_were_saved(compressed: bool) -> None:
     assert mat5.field(found["nested"], "empty").shape == (0, 3)
     assert mat5.field(found["nested"], "inner", "other", "more") is None
     assert mat5.variables(source(content), ["absent"]) == {}
+
+
+def plain(value: Any) -> Any:
+    """What scipy's reader gives, in the form of ours; None for what ours does not read."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind == "c" or type(value) is not np.ndarray:
+        return None
+    if value.dtype.names:
+        rows = [{name: plain(one[name]) for name in value.dtype.names} for one in value.flatten("F")]
+        return rows[0] if value.size == 1 else rows
+    if value.dtype == object:
+        return [plain(one) for one in value.flatten("F")]
+    if value.dtype.kind == "U":
+        lines = [str(one).rstrip() if len(value) > 1 else str(one) for one in value.ravel()]
+        return lines if len(lines) > 1 else "".join(lines)
+    return value
+
+
+def equal(ours: Any, theirs: Any) -> bool:
+    if isinstance(theirs, dict):
+        return ours.keys() == theirs.keys() and all(equal(ours[key], theirs[key]) for key in theirs)
+    if isinstance(theirs, list):
+        return len(ours) == len(theirs) and all(map(equal, ours, theirs))
+    if isinstance(theirs, np.ndarray) and theirs.size:
+        return ours.shape == theirs.shape and np.array_equal(ours, theirs)
+    return ours is None or np.size(ours) == 0 or ours == theirs
+
+
+@pytest.mark.skipif(not OF_MATLAB, reason="this build of scipy has no files of MATLAB for its tests")
+@pytest.mark.parametrize("path", OF_MATLAB, ids=lambda path: path.stem)
+def test_files_that_matlab_wrote(path: Path) -> None:
+    content = path.read_bytes()
+    theirs = {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
+    ours = mat5.variables(source(content), theirs)
+    assert ours.keys() == theirs.keys()
+    for name, value in theirs.items():
+        assert equal(ours[name], plain(value)), name
 
 
 @pytest.mark.parametrize("compressed", [True, False])
