@@ -112,54 +112,81 @@ def _outcomes(
 ) -> Iterator[tuple[int, Any]]:
     """(index, work(task)) as tasks finish; a WorkerDiedError or Failure (timeout) where there is no result.
 
-    Each worker has its own pipe, so if one dies or hangs, it is replaced and only its task is lost;
-    concurrent.futures would lose all pending tasks. setup: called once in every worker.
+    setup: called once in every worker.
     """
 
-    def begun(number: int) -> list[Worker]:
-        workers = [Worker(preload=preload) for _ in range(number)]
-        for worker in workers:
-            worker.begin(_serve, work, setup)
-        return workers
+    def begun() -> Worker:
+        worker = Worker(preload=preload)
+        worker.begin(_serve, work, setup)
+        return worker
 
+    pool = _Pool(begun, timeout)
     waiting = enumerate(tasks)
-    idle: list[Worker] = []
-    busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
     try:
         while True:
-            drawn = list(islice(waiting, count - len(busy)))
-            for worker in idle[len(drawn) :]:
-                worker.end()
-            idle = [*idle[: len(drawn)], *begun(len(drawn) - len(idle))]
-            for index, task in drawn:
-                worker = idle.pop()
-                busy[worker] = (index, time.monotonic() + timeout)
-                worker.send(task)
-            if not busy:
+            pool.hand_out(list(islice(waiting, count - pool.busy)))
+            if not pool.busy:
                 return
-            first = min(deadline for _, deadline in busy.values())
-            ready = wait(
-                [worker.pipe for worker in busy],
-                None if math.isinf(first) else max(0.0, first - time.monotonic()),
-            )
-            for worker, (index, deadline) in tuple(busy.items()):
-                outcome: Any
-                # A worker may have answered since `ready`, while the caller used another's result.
-                answered = worker.pipe in ready or worker.pipe.poll()
-                if answered:
-                    outcome = _received(worker)
-                elif time.monotonic() > deadline:
-                    outcome = Failure(f"timed out after {timeout:g} s")
-                else:
-                    continue
-                del busy[worker]
-                if answered and not isinstance(outcome, WorkerDiedError):
-                    idle.append(worker)
-                else:
-                    worker.end()
-                yield index, outcome
+            yield from pool.finished()
     finally:
-        for worker in (*idle, *busy):
+        pool.end()
+
+
+class _Pool:
+    """Workers, each with its own pipe, so that if one dies or hangs, it is replaced and only its task is
+    lost; concurrent.futures would lose all pending tasks.
+
+    begun: starts a worker; timeout: s for a task.
+    """
+
+    def __init__(self, begun: Callable[[], Worker], timeout: float) -> None:
+        self._begun, self._timeout = begun, timeout
+        self._idle: list[Worker] = []
+        self._busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
+
+    @property
+    def busy(self) -> int:
+        """Number of workers with a task."""
+        return len(self._busy)
+
+    def hand_out(self, tasks: Sequence[tuple[int, Any]]) -> None:
+        """Give each task, with its index, to a worker; those that are left without one end."""
+        for worker in self._idle[len(tasks) :]:
+            worker.end()
+        missing = range(len(tasks) - len(self._idle))
+        self._idle = [*self._idle[: len(tasks)], *(self._begun() for _ in missing)]
+        for index, task in tasks:
+            worker = self._idle.pop()
+            self._busy[worker] = (index, time.monotonic() + self._timeout)
+            worker.send(task)
+
+    def finished(self) -> Iterator[tuple[int, Any]]:
+        """Wait for a worker to finish or to be late; (index, outcome) of all that have by then."""
+        first = min(deadline for _, deadline in self._busy.values())
+        ready = wait(
+            [worker.pipe for worker in self._busy],
+            None if math.isinf(first) else max(0.0, first - time.monotonic()),
+        )
+        for worker, (index, deadline) in tuple(self._busy.items()):
+            outcome: Any
+            # A worker may have answered since `ready`, while the caller used another's result.
+            answered = worker.pipe in ready or worker.pipe.poll()
+            if answered:
+                outcome = _received(worker)
+            elif time.monotonic() > deadline:
+                outcome = Failure(f"timed out after {self._timeout:g} s")
+            else:
+                continue
+            del self._busy[worker]
+            if answered and not isinstance(outcome, WorkerDiedError):
+                self._idle.append(worker)
+            else:
+                worker.end()
+            yield index, outcome
+
+    def end(self) -> None:
+        """End all workers."""
+        for worker in (*self._idle, *self._busy):
             worker.end()
 
 
