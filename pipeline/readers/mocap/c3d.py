@@ -7,7 +7,7 @@ with matrices of 4 by 4, of which the origins are read. Needs the library ezc3d 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_fr
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
-from kinemimic.pipeline.readers.mocap.c3d_points import read_points
+from kinemimic.pipeline.readers.mocap.c3d_points import Points, read_points
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
 from kinemimic.pipeline.readers.optical.marker_names import joint_centres, landmarks
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
@@ -65,69 +65,102 @@ def read(source: Source) -> Clip:
     """
     check_layout(source)
     content = read_points(source)
-    labels, rate, points = content.labels, content.rate, content.positions
-    labels = marker_set(source).renamed(labels, source)
-    unread = unread_frames(source, len(points))
-    is_kinect = all(label in labels for label in NODE_OF_LABEL)
-    facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate}
-    wrong: list[Defect] = []
-    if not is_kinect:
-        labels, points, wrong = main_person(labels, points)
-        require_legs(labels, points, source)  # while unknown labels are still there to be named
-    selected_labels = tuple(NODE_OF_LABEL) if is_kinect else _body_labels(labels)
-    selected_points = points[:, [labels.index(label) for label in selected_labels]]
-    unit, rule = _unit(content.units, selected_points, source)
-    selected_points = selected_points * UNITS[unit]
-    if source.unit is None:
-        selected_points, unit_defects = in_metres(selected_labels, selected_points)
-        wrong += unit_defects
-        refuse_remote(selected_points, selected_labels, source, unit="m" if unit_defects else unit)
-    up = content.up.upper().removeprefix("+")
-    facts["up"] = up or "not stated"
-    if is_kinect:
-        rate, assumed = true_rate(rate)
-        angle_columns = {label: points[:, k, 0] for k, label in enumerate(labels)}
-        return clip_of_points(
-            node_skeleton(),
-            np.arange(len(points)) / rate,
-            selected_points,
-            None,
-            format=FORMAT,
-            reading=reading(
-                units=unit,
-                units_rule=rule,
-                defects=[*unread, *wrong, *zero_frames(selected_points)],
-                **facts,
-                **assumed,
-            ),
-            world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
-            angles=angles_of_recorder(angle_columns),
-        )
-    if not 0.0 <= rate <= _MAX_RATE:
-        raise source.error(expected="a rate in Hz in POINT:RATE", found=f"{rate:g}")
-    if rate == 0.0:
-        rate = RATE
-        text = f"the file has no rate: {RATE:g} Hz, unless --rate says what it has"
-        wrong.append(Defect("wrong_rate", len(points), "frames", "flagged", text))
-    notes = []
+    labels = marker_set(source).renamed(content.labels, source)
+    if all(label in labels for label in NODE_OF_LABEL):
+        return _of_kinect(content, labels, source)
+    return _of_laboratory(content, labels, source)
+
+
+def _of_kinect(content: Points, labels: tuple[str, ...], source: Source) -> Clip:
+    """The joints of a Kinect with the recorder's own angles."""
+    rate, assumed = true_rate(content.rate)
+    body = _body(tuple(NODE_OF_LABEL), labels, content.positions, content.units, source)
+    return clip_of_points(
+        node_skeleton(),
+        np.arange(len(body.points)) / rate,
+        body.points,
+        None,
+        format=FORMAT,
+        reading=reading(
+            units=body.unit,
+            units_rule=body.rule,
+            defects=body.defects,
+            points=len(labels),
+            declared_rate=content.rate,
+            up=_up(content) or "not stated",
+            **assumed,
+        ),
+        world_from_file=_UP.get(_up(content), Y_UP_TO_Z_UP),
+        angles=angles_of_recorder({label: content.positions[:, k, 0] for k, label in enumerate(labels)}),
+    )
+
+
+def _of_laboratory(content: Points, labels: tuple[str, ...], source: Source) -> Clip:
+    """The nodes that one person's markers give."""
+    labels, points, wrong = main_person(labels, content.positions)
+    require_legs(labels, points, source)  # while unknown labels are still there to be named
+    known = _body_labels(labels)
+    body = _body(known, labels, points, content.units, source)
+    rate, no_rate = _rate(content.rate, len(points), source)
+    up, notes = _up(content), []
     if up not in _UP:
         stated = f"the file states {up[:8]} as up, which is not supported" if up else "the file states no up"
         notes.append(f"{stated}: read as Z")
     return clip_of_markers(
-        selected_labels,
+        known,
         np.arange(len(points)) / rate,
-        selected_points,
+        body.points,
         format=FORMAT,
         reading=reading(
-            units=unit,
-            units_rule=rule,
-            defects=[*unread, *wrong, *zero_frames(selected_points)],
+            units=body.unit,
+            units_rule=body.rule,
+            defects=[*wrong, *body.defects, *no_rate],
             notes=notes,
-            **facts,
+            points=len(content.labels),
+            declared_rate=content.rate,
+            up=up or "not stated",
         ),
         world_from_file=_UP.get(up, IDENTITY),
         source=source,
     )
+
+
+class _Body(NamedTuple):
+    """points: (T, N, 3) metres; unit: the file's, and how it is known; defects: of frames and unit."""
+
+    points: Array
+    unit: str
+    rule: str
+    defects: list[Defect]
+
+
+def _body(
+    wanted: tuple[str, ...], labels: tuple[str, ...], points: Array, units: str, source: Source
+) -> _Body:
+    """The wanted ones of the points (T, M, 3) with labels (M,), in the stated units."""
+    chosen = points[:, [labels.index(label) for label in wanted]]
+    unit, rule = _unit(units, chosen, source)
+    chosen = chosen * UNITS[unit]
+    defects = unread_frames(source, len(points))
+    if source.unit is None:
+        chosen, wrong_unit = in_metres(wanted, chosen)
+        defects += wrong_unit
+        refuse_remote(chosen, wanted, source, unit="m" if wrong_unit else unit)
+    return _Body(chosen, unit, rule, [*defects, *zero_frames(chosen)])
+
+
+def _up(content: Points) -> str:
+    return content.up.upper().removeprefix("+")
+
+
+def _rate(stated: float, frames: int, source: Source) -> tuple[float, list[Defect]]:
+    """The rate in Hz, and the defect that the file states none."""
+    if not 0.0 <= stated <= _MAX_RATE:
+        raise source.error(expected="a rate in Hz in POINT:RATE", found=f"{stated:g}")
+    if stated > 0.0:
+        return stated, []
+    text = f"the file has no rate: {RATE:g} Hz, unless --rate says what it has"
+    return RATE, [Defect("wrong_rate", frames, "frames", "flagged", text)]
 
 
 def unread_frames(source: Source, read: int) -> list[Defect]:

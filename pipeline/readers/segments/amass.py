@@ -44,7 +44,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.segments.path_unit import path_unit
-from kinemimic.pipeline.readers.segments.smpl_arrays import numbers, smpl_arrays, turns
+from kinemimic.pipeline.readers.segments.smpl_arrays import SmplArrays, numbers, smpl_arrays, turns
 
 FORMAT = Format(
     name="AMASS npz",
@@ -127,26 +127,7 @@ def read(source: Source) -> Clip:
     gender_known = [name for name in ("gender",) if name in array_shapes(source)]
     arrays = read_arrays(source, (*names.rotations, names.path, *rates, *gender_known))
     turned = turns(arrays, names, source)
-    trans = numbers(arrays[names.path], names.path, source)
-    if trans.shape == (len(turned), 1, 3):
-        trans = trans[:, 0]
-    if trans.shape != (len(turned), 3):
-        raise source.error(
-            expected=f"{names.path} of shape ({len(turned)}, 3), as {names.rotations[0]}",
-            found=f"{trans.shape}",
-        )
-    for name, values, most, what in (
-        (names.rotations[-1], turned, _MAX_TURN, "radians"),
-        (names.path, trans, MAX_DISTANCE, "metres"),
-    ):
-        wrong = ~(np.abs(values) <= most)  # NaN too
-        if wrong.any():
-            place = np.argwhere(wrong)[0]
-            raise source.error(
-                expected=f"{what} of at most {most:.4g} in {name}",
-                found=f"{values[tuple(place)]:g}",
-                where=f"frame {int(place[0])}",
-            )
+    trans = _path(arrays, names, turned, source)
     gender = _gender(arrays)
     rate, notes = _rate(arrays, rates, source)
     notes.append(
@@ -187,6 +168,32 @@ def read(source: Source) -> Clip:
             ),
         },
     )
+
+
+def _path(arrays: dict[str, Array], names: SmplArrays, turned: Array, source: Source) -> Array:
+    """The path (T, 3) that belongs to rotations (T, 22, 3); CaptureError for another shape, and for numbers
+    of either that are no measurement."""
+    trans = numbers(arrays[names.path], names.path, source)
+    if trans.shape == (len(turned), 1, 3):
+        trans = trans[:, 0]
+    if trans.shape != (len(turned), 3):
+        raise source.error(
+            expected=f"{names.path} of shape ({len(turned)}, 3), as {names.rotations[0]}",
+            found=f"{trans.shape}",
+        )
+    for name, values, most, what in (
+        (names.rotations[-1], turned, _MAX_TURN, "radians"),
+        (names.path, trans, MAX_DISTANCE, "metres"),
+    ):
+        wrong = ~(np.abs(values) <= most)  # NaN too
+        if wrong.any():
+            place = np.argwhere(wrong)[0]
+            raise source.error(
+                expected=f"{what} of at most {most:.4g} in {name}",
+                found=f"{values[tuple(place)]:g}",
+                where=f"frame {int(place[0])}",
+            )
+    return trans
 
 
 def _gender(arrays: dict[str, Array]) -> str:
