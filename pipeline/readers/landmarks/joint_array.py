@@ -64,20 +64,7 @@ def read(source: Source) -> Clip:
 
     Raises CaptureError for a damaged file, and for numbers that are no body in any known order.
     """
-    name = _name(source)
-    assert name is not None  # noqa: S101 (recognises() holds)
-    values = read_arrays(source, [name])[name]
-    if values.dtype.kind not in "fiu":
-        raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
-    with np.errstate(invalid="ignore"):  # a damaged file may hold any number
-        numbers = _by_joint(values.astype(np.float64), source)
-    points, visibility = numbers[..., :3], numbers[..., 3:]
-    if _is_flat(points):
-        raise source.error(
-            expected="joints in three dimensions",
-            found="places in a picture with a confidence (none is negative, none of the third above 1)",
-            advice="lift them first, or give the video itself to `kinemimic ingest`",
-        )
+    points, visibility = _numbers(source)
     joint_set = joint_set_of(points)
     if joint_set is None:
         raise source.error(
@@ -118,6 +105,25 @@ def read(source: Source) -> Clip:
         ),
         world_from_file=joint_set.world_from_file,
     )
+
+
+def _numbers(source: Source) -> tuple[Array, Array]:
+    """The points (T, J, 3) of the array, and how sure they are (T, J, 1 or 0)."""
+    name = _name(source)
+    assert name is not None  # noqa: S101 (recognises() holds)
+    values = read_arrays(source, [name])[name]
+    if values.dtype.kind not in "fiu":
+        raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
+    with np.errstate(invalid="ignore", over="ignore"):  # a damaged file may hold any number
+        numbers = _by_joint(values.astype(np.float64), source)
+    points, visibility = numbers[..., :3], numbers[..., 3:]
+    if _is_flat(points):
+        raise source.error(
+            expected="joints in three dimensions",
+            found="places in a picture with a confidence (none is negative, none of the third above 1)",
+            advice="lift them first, or give the video itself to `kinemimic ingest`",
+        )
+    return points, visibility
 
 
 def _times(count: int, joint_set: JointSet, source: Source) -> VideoTimes:
