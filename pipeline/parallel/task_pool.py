@@ -115,10 +115,11 @@ def _outcomes(
     setup: called once in every worker.
     """
 
-    def begun() -> Worker:
-        worker = Worker(preload=preload)
-        worker.begin(_serve, work, setup)
-        return worker
+    def begun(number: int) -> list[Worker]:
+        workers = [Worker(preload=preload) for _ in range(number)]
+        for worker in workers:
+            worker.begin(_serve, work, setup)
+        return workers
 
     pool = _Pool(begun, timeout)
     waiting = enumerate(tasks)
@@ -136,10 +137,10 @@ class _Pool:
     """Workers, each with its own pipe, so that if one dies or hangs, it is replaced and only its task is
     lost; concurrent.futures would lose all pending tasks.
 
-    begun: starts a worker; timeout: s for a task.
+    begun: starts a number of workers; timeout: s for a task.
     """
 
-    def __init__(self, begun: Callable[[], Worker], timeout: float) -> None:
+    def __init__(self, begun: Callable[[int], list[Worker]], timeout: float) -> None:
         self._begun, self._timeout = begun, timeout
         self._idle: list[Worker] = []
         self._busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
@@ -153,8 +154,7 @@ class _Pool:
         """Give each task, with its index, to a worker; those that are left without one end."""
         for worker in self._idle[len(tasks) :]:
             worker.end()
-        missing = range(len(tasks) - len(self._idle))
-        self._idle = [*self._idle[: len(tasks)], *(self._begun() for _ in missing)]
+        self._idle = [*self._idle[: len(tasks)], *self._begun(len(tasks) - len(self._idle))]
         for index, task in tasks:
             worker = self._idle.pop()
             self._busy[worker] = (index, time.monotonic() + self._timeout)

@@ -30,6 +30,7 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
     (b"Kaydara FBX Binary", 0, Unreadable("a file of FBX", _AS_BVH)),
     (b"glTF", 0, Unreadable("a file of glTF", _AS_BVH)),
     (b"BLENDER", 0, Unreadable("a scene of Blender", _AS_BVH)),
+    (b"MATLAB 5.0 MAT-file", 0, Unreadable("a damaged MAT-file", _AS_CSV)),
     (b"\x89HDF\r\n", 512, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
     (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5", _AS_CSV)),
     (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
@@ -67,7 +68,7 @@ def unreadable(source: Source) -> Unreadable | None:
     if _is_utf_16(source.content[:4096]):
         return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
     known = (what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark)
-    return next(known, _mat_file(list(heads(source))) if is_mat5(source) else None)
+    return _mat_file(list(heads(source))) if is_mat5(source) else next(known, None)
 
 
 def _program(content: bytes) -> str | None:
@@ -94,7 +95,7 @@ def _archive(names: list[str]) -> Unreadable:
 
 def _mat_file(names: list[str]) -> Unreadable:
     """Of a MAT-file with variables of these names."""
-    wanted = "save the joints as the one array (frames, joints, 3), or as a table in CSV"
+    wanted = "save the joints as one array (frames, joints, 3), or as a table in CSV"
     return Unreadable(f"a MAT-file of {_listed(names) or 'no variables'}", wanted)
 
 

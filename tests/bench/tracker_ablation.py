@@ -84,7 +84,7 @@ def measured(source: Path, out: Path, samples: int, seeds: int, only: Sequence[s
     library = file_hash(source / MANIFEST)
     recorded = recorded_only(source, out / "recorded")
     for seed in range(seeds):
-        for variant in only or variants():
+        for variant in dict.fromkeys(only) or variants():
             made_by = {"variant": variant, "seed": seed, "budget": samples, "library": library}
             row = next((row for row in kept if made_by.items() <= row.items()), None)
             if row is None:

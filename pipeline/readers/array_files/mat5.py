@@ -6,6 +6,7 @@ a file claims, and follows its nesting in C without a limit.
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 import zlib
@@ -32,9 +33,11 @@ _TEXTS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18
 # Class of an array -> its kind.
 _CELL, _STRUCT, _CHAR, _NUMBER = "cell", "struct", "char", "number"
 _KINDS = {1: _CELL, 2: _STRUCT, 4: _CHAR, **dict.fromkeys(range(6, 16), _NUMBER)}
+_OPAQUE = 17  # strings, tables and other objects of MATLAB: flags, name and what only MATLAB knows
 _COMPLEX = 0x0800
 _MAX_DEPTH = 16
-_MAX_VALUES = 1_000_000  # in cells and fields of a variable
+_MAX_VALUES = 1_000_000  # in cells, fields and lines of text of a variable
+_MAX_VARIABLES = 1_000
 _HEAD = 65_536  # bytes of a variable that `heads` unpacks
 _DAMAGE = (ValueError, struct.error, zlib.error, IndexError, OverflowError, RecursionError, MemoryError)
 
@@ -54,35 +57,42 @@ def is_mat5(source: Source) -> bool:
 
 
 def heads(source: Source) -> dict[str, Head]:
-    """Name -> head of the variables, in the file's order; empty for another file.
+    """Name -> head of the variables, in the file's order, the first of a name; empty for another file.
 
     Never raises: what comes after damage is left out.
     """
     found: dict[str, Head] = {}
     try:
-        for matrix in _variables(source, _HEAD):
-            name, head, _ = _head(matrix)
-            found[name] = head
+        for element in _variables(source):
+            name, head, _ = _head(_matrix(element, _HEAD))
+            found.setdefault(name, head)
     except _DAMAGE:
         pass
     return found
 
 
 def variables(source: Source, wanted: Collection[str]) -> dict[str, Value]:
-    """Name -> value of those of the wanted variables that the file has; the first one of a name counts.
+    """Name -> value of those of the wanted variables that the file has, the first of a name.
 
-    Raises CaptureError for a damaged file, and for a variable that unpacks to more than MAX_BYTES.
+    Only these are unpacked. Raises CaptureError for a damaged file, and if they unpack to more than MAX_BYTES
+    together.
     """
     found: dict[str, Value] = {}
+    room = MAX_BYTES
     try:
-        for matrix in _variables(source, MAX_BYTES + 1):
-            if len(matrix.data) > MAX_BYTES:
+        for element in _variables(source):
+            name = _head(_matrix(element, _HEAD))[0]
+            if name not in wanted or name in found:
+                continue
+            matrix = _matrix(element, room + 1)
+            room -= len(matrix.data)
+            if room < 0:
                 raise source.error(
-                    expected=f"a variable of at most {MAX_BYTES >> 20} MB", found="a larger one"
+                    expected=f"at most {MAX_BYTES >> 20} MB of markers or joints", found="more"
                 )
-            name = _head(matrix)[0]
-            if name in wanted and name not in found:
-                found[name] = _Values().of(matrix)
+            found[name] = _Values().of(matrix)
+            if len(found) == len(wanted):
+                break
     except _DAMAGE as error:
         what = " ".join(str(error).split())[:80] or type(error).__name__
         raise source.error(expected="a whole MAT-file", found=f"damage ({what})") from None
@@ -128,33 +138,41 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
         at += 8 + size + (0 if first == _COMPRESSED else -size % 8)
 
 
-def _variables(source: Source, most: int) -> Iterator[_Element]:
-    """The matrices of the file, of each at most so many bytes."""
+def _variables(source: Source) -> Iterator[_Element]:
+    """The elements that hold a variable each; what comes after another element is damage, and left out."""
     if not is_mat5(source):
         return
     order = _ORDERS[source.content[_HEADER - 2 : _HEADER]]
-    for element in _elements(memoryview(source.content)[_HEADER:], order):
-        if element.kind == _MATRIX:
-            yield element._replace(data=element.data[:most])
-        elif element.kind == _COMPRESSED:
-            # 8 bytes are the tag of what is inside.
-            stream = zlib.decompressobj()
-            unpacked = memoryview(stream.decompress(element.data, most + 8))
-            if not stream.eof and len(unpacked) < most + 8:
-                raise ValueError("compressed data are cut off")
-            (kind,) = struct.unpack_from(order + "I", unpacked)
-            if kind == _MATRIX:
-                yield _Element(kind, unpacked[8:], order)
+    elements = _elements(memoryview(source.content)[_HEADER:], order)
+    for element in itertools.islice(elements, _MAX_VARIABLES):
+        if element.kind not in (_MATRIX, _COMPRESSED):
+            return
+        yield element
+
+
+def _matrix(element: _Element, most: int) -> _Element:
+    """The matrix of a variable, at most so many bytes of it."""
+    if element.kind == _MATRIX:
+        return element._replace(data=element.data[:most])
+    # 8 bytes are the tag of what is inside.
+    stream = zlib.decompressobj()
+    unpacked = memoryview(stream.decompress(element.data, most + 8))
+    if not stream.eof and len(unpacked) < most + 8:
+        raise ValueError("compressed data are cut off")
+    (kind,) = struct.unpack_from(element.order + "I", unpacked)
+    return _Element(kind, unpacked[8:], element.order)
 
 
 def _head(matrix: _Element) -> tuple[str, Head, Iterator[_Element]]:
     """The name and head of a matrix, and the elements that follow."""
+    if matrix.kind != _MATRIX:
+        raise ValueError(f"an element of type {matrix.kind} in place of a matrix")
     parts = matrix.parts()
-    flags, dimensions, name = (_next(parts) for _ in range(3))
-    flag = int(flags.numbers()[0])
-    kind = _KINDS.get(flag & 0xFF, "")
-    if flag & _COMPLEX:
-        kind = ""
+    flag = int(_next(parts).numbers()[0])
+    if flag & 0xFF == _OPAQUE:
+        return _next(parts).text(), Head((), ""), parts
+    dimensions, name = _next(parts), _next(parts)
+    kind = "" if flag & _COMPLEX else _KINDS.get(flag & 0xFF, "")
     shape = tuple(int(size) for size in dimensions.numbers())
     if len(shape) < 2 or min(shape) < 0:
         raise ValueError(f"a shape of {shape}"[:60])
@@ -184,9 +202,7 @@ class _Values:
 
     def of(self, matrix: _Element, depth: int = 0) -> Value:
         """The value of a matrix; None for an empty element."""
-        if matrix.kind != _MATRIX:
-            raise ValueError(f"an element of type {matrix.kind} in place of a matrix")
-        if not matrix.data:
+        if matrix.kind == _MATRIX and not matrix.data:
             return None
         if depth > _MAX_DEPTH:
             raise ValueError("cells and structures too deep")
@@ -194,7 +210,7 @@ class _Values:
         if head.kind == _NUMBER:
             return _next(parts).numbers().reshape(head.shape, order="F")
         if head.kind == _CHAR:
-            return _lines(_next(parts).text(), head.shape)
+            return self._lines(_next(parts).text(), head.shape)
         count = math.prod(head.shape)
         if head.kind == _CELL:
             return self._inside(parts, count, depth)
@@ -208,18 +224,23 @@ class _Values:
         return None
 
     def _inside(self, parts: Iterator[_Element], count: int, depth: int) -> list[Value]:
+        self._add(count)
+        return [self.of(_next(parts), depth + 1) for _ in range(count)]
+
+    def _lines(self, text: str, shape: Sequence[int]) -> str | list[str]:
+        """A row of characters as text, several rows as a list without the blanks that pad them."""
+        rows = shape[0]
+        if rows <= 1:
+            return text
+        self._add(rows)
+        if math.prod(shape) != len(text):
+            raise ValueError(f"{len(text)} characters in place of {math.prod(shape)}")
+        return [text[k::rows].rstrip() for k in range(rows)]
+
+    def _add(self, count: int) -> None:
         self._count += count
         if self._count > _MAX_VALUES:
             raise ValueError(f"more than {_MAX_VALUES:,} values")
-        return [self.of(_next(parts), depth + 1) for _ in range(count)]
-
-
-def _lines(text: str, shape: Sequence[int]) -> str | list[str]:
-    """A row of characters as text, several rows as a list without the blanks that pad them."""
-    rows = shape[0]
-    if rows <= 1:
-        return text
-    return [text[k::rows].rstrip() for k in range(rows)]
 
 
 def texts(value: Value) -> tuple[str, ...]:

@@ -1,19 +1,16 @@
 """Markers in a MAT-file: as Qualisys Track Manager exports them, as the MoCap Toolbox of the University of
-Jyväskylä stores them, or in a variable or field for each marker.
+Jyväskylä stores them, or in a variable or field for each marker (`matlab_variables.py`).
 
 QTM's structure has FrameRate and Trajectories.Labeled with Labels and Data (labels, 4, frames), the fourth
 number an error; a recording without markers, as by Theia Markerless, has Skeletons with SegmentLabels and
 PositionData (3, segments, frames). The toolbox's has freq, markerName and data (frames, 3 · markers). Both
-are in millimetres. Visual3D exports a cell of (frames, 3) for each signal, the Biomechanical ToolKit a
-structure of them. NaN where not seen; Z is up in the default axes of these programs.
+are in millimetres, NaN where not seen; Z is up in the default axes of these programs.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+import math
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,13 +21,12 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.array_files.mat5 import Value, field, heads, texts, variables
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import is_rate
-from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.laboratory import matlab_variables
+from kinemimic.pipeline.readers.laboratory.matlab_variables import Recorded, first_number, is_array
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres
-from kinemimic.pipeline.readers.optical.marker_names import joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
@@ -45,27 +41,14 @@ FORMAT = Format(
     right_handed=True,
 )
 UNIT = "mm"
-RATE, KINECT_RATE = 100.0, 30.0  # Hz, of markers and of joints, where nothing states it
 _QTM = ({"FrameRate", "Trajectories"}, {"FrameRate", "Skeletons"})
 _TOOLBOX = {"freq", "markerName", "data"}
 _MAX_RATE = 10_000.0
-_RATES = ({"freq"}, {"frequency"}, {"fs"}, {"f", "s"})  # words of a variable, beside those of `is_rate`
-
-
-class _Points(NamedTuple):
-    """labels: (M,); points: (T, M, 3) in `unit`, a key of UNITS, or None if that is not known; rate: Hz;
-    notes: for the user."""
-
-    labels: tuple[str, ...]
-    points: Array
-    unit: str | None
-    rate: float
-    notes: tuple[str, ...] = ()
 
 
 def recognises(source: Source) -> bool:
     """True if a variable is such a structure, or markers have variables or fields of their own."""
-    return _layout(source) is not None
+    return bool(_structures(source)) or matlab_variables.holder(source) is not None
 
 
 def read(source: Source) -> Clip:
@@ -74,14 +57,17 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged file, one without labelled markers, and markers from which legs cannot
     be computed.
     """
-    labels, points, stated, rate, notes = _points(source)
+    structures = _structures(source)
+    labels, points, times, stated, notes = (
+        _of_structure(structures, source) if structures else matlab_variables.recorded(source)
+    )
     unit = source.unit or stated or _likeliest_unit(labels, points)
     defects = zero_frames(points)
     labels, points, wrong = metres_of_one_person(labels, points, unit, source)
     defects += wrong
     return clip_of_markers(
         labels,
-        np.arange(len(points)) / rate,
+        times,
         points,
         # Variables may be in the axes of anybody's own program.
         format=FORMAT if stated else replace(FORMAT, right_handed=False),
@@ -97,39 +83,33 @@ def read(source: Source) -> Clip:
     )
 
 
-def _layout(source: Source) -> tuple[str, str] | None:
-    """How the file is laid out, and the variable that holds the markers; "" if all do."""
-    known = heads(source)
-    for name, head in known.items():
-        fields = set(head.fields)
-        if any(wanted <= fields for wanted in _QTM):
-            return "qtm", name
-        if fields >= _TOOLBOX:
-            return "toolbox", name
-    for name, head in known.items():
-        if has_legs(head.fields):
-            return "named", name
-    numbers = tuple(name for name, head in known.items() if head.kind in ("number", "cell"))
-    return ("named", "") if has_legs(numbers) else None
+def _structures(source: Source) -> dict[str, int]:
+    """Name -> number of recordings of the variables that are structures of QTM or the toolbox."""
+    wanted = (*_QTM, _TOOLBOX)
+    return {
+        name: math.prod(head.shape)
+        for name, head in heads(source).items()
+        if any(fields <= set(head.fields) for fields in wanted)
+    }
 
 
-def _points(source: Source) -> _Points:
-    """The points of any layout; a marker set beside the file may rename markers."""
-    layout = _layout(source)
-    assert layout is not None  # noqa: S101 (recognises() holds)
-    kind, name = layout
-    if kind == "named":
-        return _of_names(source, name)
+def _of_structure(structures: dict[str, int], source: Source) -> Recorded:
+    """The first recording of the file."""
+    name = next(iter(structures))
     value = variables(source, [name])[name]
-    return _of_qtm(value, source) if kind == "qtm" else _of_toolbox(value, source)
+    found = _of_toolbox(value, source) if field(value, "markerName") is not None else _of_qtm(value, source)
+    if (count := sum(structures.values())) > 1:
+        found = found._replace(notes=(*found.notes, f"{count} recordings in the file: the first is read"))
+    return found
 
 
-def _of_qtm(value: Value, source: Source) -> _Points:
-    """A skeleton's segments, else the labelled trajectories."""
-    rate = _checked(_number(field(value, "FrameRate")), "FrameRate", source)
-    if segments := _segments(field(value, "Skeletons"), rate):
-        return segments
+def _of_qtm(value: Value, source: Source) -> Recorded:
+    """The labelled trajectories, else the segments of skeletons."""
+    rate = _rate(field(value, "FrameRate"), "FrameRate", source)
     labels = texts(field(value, "Trajectories", "Labeled", "Labels"))
+    chosen = marker_set(source)
+    if not chosen.markers and not has_legs(labels) and (segments := _segments(value, rate, source)):
+        return segments
     data = field(value, "Trajectories", "Labeled", "Data")
     if not labels:
         raise source.error(
@@ -137,73 +117,58 @@ def _of_qtm(value: Value, source: Source) -> _Points:
             found="none",
             advice="label them in QTM, or export the skeleton",
         )
-    if not _is_array(data) or data.ndim != 3 or len(data) != len(labels) or data.shape[1] not in (3, 4):
+    if not is_array(data) or data.ndim != 3 or len(data) != len(labels) or data.shape[1] not in (3, 4):
         raise source.error(expected=f"Data of shape ({len(labels)} labels, 4, frames)", found=_shape(data))
     points = np.moveaxis(data[:, :3].astype(np.float64), -1, 0)
-    return _Points(marker_set(source).renamed(labels, source), points, UNIT, rate)
+    return _at_rate(chosen.renamed(labels, source), points, rate)
 
 
-def _segments(skeletons: Value, rate: float) -> _Points | None:
-    """The segments of the first skeleton that has legs."""
-    for skeleton in skeletons if isinstance(skeletons, list) else [skeletons]:
+def _segments(value: Value, rate: float, source: Source) -> Recorded | None:
+    """The segments of all skeletons that have legs, under their skeletons' names if there are several."""
+    found = field(value, "Skeletons")
+    people: dict[str, tuple[tuple[str, ...], Array]] = {}
+    for number, skeleton in enumerate(found if isinstance(found, list) else [found]):
         names, data = texts(field(skeleton, "SegmentLabels")), field(skeleton, "PositionData")
-        whole = _is_array(data) and data.ndim == 3 and data.shape[:2] == (3, len(names))
-        if whole and set(REQUIRED) <= joints_by_name(names).keys():
-            points = np.moveaxis(data.astype(np.float64), (2, 1, 0), (0, 1, 2))
-            note = "a skeleton's segments are read as joints at their positions"
-            return _Points(names, points, UNIT, rate, (note,))
-    return None
+        whole = is_array(data) and data.ndim == 3 and data.shape[:2] == (3, len(names))
+        if not whole or not set(REQUIRED) <= joints_by_name(names).keys():
+            continue
+        if str(field(skeleton, "Reference") or "").strip().lower() == "local":
+            raise source.error(
+                expected="skeletons in global coordinates",
+                found="Reference Local: each segment in its parent's axes",
+                advice="export again with global coordinates",
+            )
+        points = np.moveaxis(data.astype(np.float64), (2, 1, 0), (0, 1, 2))
+        people[str(field(skeleton, "SkeletonName") or f"skeleton {number + 1}")] = (names, points)
+    if not people:
+        return None
+    labels = tuple(
+        f"{name}:{segment}" if len(people) > 1 else segment
+        for name, (segments, _) in people.items()
+        for segment in segments
+    )
+    points = np.concatenate([points for _, points in people.values()], axis=1)
+    return _at_rate(labels, points, rate, "a skeleton's segments are read as joints at their positions")
 
 
-def _of_toolbox(value: Value, source: Source) -> _Points:
+def _of_toolbox(value: Value, source: Source) -> Recorded:
     labels, data = texts(field(value, "markerName")), field(value, "data")
-    if not labels or not _is_array(data) or data.ndim != 2 or data.shape[1] != 3 * len(labels):
+    if (order := first_number(field(value, "timederOrder"))) not in (None, 0.0):
+        raise source.error(
+            expected="positions (timederOrder 0)", found=f"their derivative of order {order:g}"
+        )
+    if not labels or not is_array(data) or data.ndim != 2 or data.shape[1] != 3 * len(labels):
         raise source.error(
             expected="names in markerName, and data of shape (frames, 3 for each of them)",
             found=f"{len(labels)} names and {_shape(data)}",
         )
     points = data.astype(np.float64).reshape(len(data), len(labels), 3)
-    rate = _checked(_number(field(value, "freq")), "freq", source)
-    return _Points(marker_set(source).renamed(labels, source), points, UNIT, rate)
+    rate = _rate(field(value, "freq"), "freq", source)
+    return _at_rate(marker_set(source).renamed(labels, source), points, rate)
 
 
-def _of_names(source: Source, name: str) -> _Points:
-    """The arrays (T, 3), or with an error (T, 4), of the variables or of a structure's fields."""
-    values = variables(source, heads(source).keys())
-    holder = values if not name else values[name]
-    arrays = {
-        label: found
-        for label, value in (holder.items() if isinstance(holder, Mapping) else ())
-        if _is_array(found := _alone(value)) and found.ndim == 2 and found.shape[1] in (3, 4)
-    }
-    lengths = Counter(len(found) for found in arrays.values())
-    frames = lengths.most_common(1)[0][0] if lengths else 0
-    labels = tuple(label for label, found in arrays.items() if len(found) == frames)
-    if not has_legs(labels):
-        raise source.error(
-            expected="arrays (frames, 3) of the markers at pelvis, knees and ankles",
-            found=f"{len(labels)} of {frames} frames",
-        )
-    points = np.stack([arrays[label][:, :3].astype(np.float64) for label in labels], axis=1)
-    stated = _stated_rate(values)
-    if stated is None:
-        # Cameras of markers call none of them a joint; an array of joints is a Kinect's.
-        rate = KINECT_RATE if joint_centres(labels).keys() >= set(REQUIRED) else RATE
-        notes = (f"no rate in the file: {rate:g} Hz, unless --rate says what it has",)
-    else:
-        rate, notes = _checked(stated[1], stated[0], source), (f"rate of {stated[0]}",)
-    return _Points(marker_set(source).renamed(labels, source), points, None, rate, notes)
-
-
-def _stated_rate(values: Mapping[str, Value]) -> tuple[str, float] | None:
-    """The name of a number that calls itself a rate, of a variable or of a structure's field, and the
-    number."""
-    inside = [value for value in values.values() if isinstance(value, Mapping)]
-    for group in (values, *inside):
-        for name, value in group.items():
-            if is_rate(name) or set(words_of(name)) in _RATES:
-                return name[:40], _number(_alone(value))
-    return None
+def _at_rate(labels: tuple[str, ...], points: Array, rate: float, *notes: str) -> Recorded:
+    return Recorded(labels, points, np.arange(len(points)) / rate, UNIT, notes)
 
 
 def _likeliest_unit(labels: tuple[str, ...], points: Array) -> str:
@@ -211,25 +176,14 @@ def _likeliest_unit(labels: tuple[str, ...], points: Array) -> str:
     return next((unit for unit in (UNIT, "m", "cm") if not in_metres(labels, points * UNITS[unit])[1]), UNIT)
 
 
-def _checked(rate: float, name: str, source: Source) -> float:
-    if not 0.0 < rate <= _MAX_RATE:
-        raise source.error(expected=f"a rate in Hz in {name}", found=f"{rate:g}"[:20])
+def _rate(value: Value, name: str, source: Source) -> float:
+    rate = first_number(value)
+    if rate is None or not 0.0 < rate <= _MAX_RATE:
+        raise source.error(
+            expected=f"a rate in Hz in {name}", found="none" if rate is None else f"{rate:g}"[:20]
+        )
     return rate
 
 
-def _alone(value: Value) -> Value:
-    """The only value of a cell array, or any other value."""
-    return value[0] if isinstance(value, list) and len(value) == 1 else value
-
-
-def _number(value: Value) -> float:
-    """The first number of an array; 0 without one."""
-    return float(value.flat[0]) if _is_array(value) and value.size else 0.0
-
-
-def _is_array(value: Any) -> bool:
-    return isinstance(value, np.ndarray)
-
-
-def _shape(value: Any) -> str:
-    return str(value.shape)[:60] if _is_array(value) else "none"
+def _shape(value: Value) -> str:
+    return str(value.shape)[:60] if is_array(value) else "none"

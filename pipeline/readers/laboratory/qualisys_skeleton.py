@@ -7,6 +7,8 @@ line per frame, with an empty cell below each name.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -15,7 +17,7 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
-from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
+from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.laboratory.qualisys_tsv import UNIT, cut_off, header_of, rate_of
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
@@ -25,17 +27,19 @@ FORMAT = Format(
     name="Qualisys skeleton TSV",
     sensor="optical, or videos",
     holds="positions and rotations of a skeleton's segments",
-    recognised_by="a line NO_OF_FRAMES and a line SOLVER",
+    recognised_by="a line NO_OF_FRAMES and columns QX, QY, QZ, QW",
     width_in_header=True,
     right_handed=True,
 )
-_AXES = ["X", "Y", "Z"]
+_AXES, _ROTATIONS = ["X", "Y", "Z"], {"QX", "QY", "QZ", "QW"}
+_MOST_HEADER_LINES = 16
 
 
 def recognises(source: Source) -> bool:
-    """True if keys of the header are among the first lines."""
+    """True if the header and the columns of rotations are among the first lines."""
     keys = {line.partition("\t")[0].strip() for line in source.head}
-    return {"NO_OF_FRAMES", "SOLVER"} <= keys
+    columns = [{cell.strip() for cell in line.split("\t")} for line in source.head[:_MOST_HEADER_LINES]]
+    return "NO_OF_FRAMES" in keys and any(cells >= _ROTATIONS for cells in columns)
 
 
 def read(source: Source) -> Clip:
@@ -44,7 +48,8 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged header or table, positions in the axes of a parent, and segments without
     legs.
     """
-    header, start, names = header_of(source)
+    header, start, columns_named = header_of(source)
+    names = [name.strip() for name in columns_named]
     reference = (header.get("REFERENCE") or [""])[0].strip().upper()
     if reference == "LOCAL":
         raise source.error(
@@ -53,7 +58,7 @@ def read(source: Source) -> Clip:
             advice="export again with global coordinates",
         )
     places = {
-        name.strip(): range(column + 1, column + 4)
+        name: range(column + 1, column + 4)
         for column, name in enumerate(names)
         if names[column + 1 : column + 4] == _AXES
     }
@@ -79,9 +84,18 @@ def read(source: Source) -> Clip:
             notes=[
                 "no axes in the file: read as Z up",
                 "a skeleton's segments are read as joints at their positions; their rotations are not read",
+                *_scale(header),
             ],
             columns=table.values.shape[1],
         ),
         world_from_file=IDENTITY,
         source=source,
+    )
+
+
+def _scale(header: Mapping[str, Sequence[str]]) -> list[str]:
+    """The note that the skeleton was scaled, where it was."""
+    stated = (header.get("SCALE") or [""])[0]
+    return (
+        [] if to_number(stated.replace(",", ".")) in (None, 1.0) else [f"SCALE {stated[:20]} is not applied"]
     )

@@ -14,8 +14,9 @@ a rate ("fps").
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,12 +51,13 @@ _FIELDS = (3, 4)
 _FIELDS_OF_ROW: dict[int, int] = {
     fields * joints: fields for fields in reversed(_FIELDS) for joints in COUNTS
 }
+_MOST_AXES = 4
 _WIDTHS = {*_FIELDS_OF_ROW, humanml3d.WIDTH}
 
 
 def recognises(source: Source) -> bool:
     """True if there is one array of a number of joints that is known."""
-    return _name(source) is not None
+    return _choice(source) is not None
 
 
 def read(source: Source) -> Clip:
@@ -108,14 +110,18 @@ def read(source: Source) -> Clip:
 
 
 def _numbers(source: Source) -> tuple[Array, Array]:
-    """The points (T, J, 3) of the array, and how sure they are (T, J, 1 or 0)."""
-    name = _name(source)
-    assert name is not None  # noqa: S101 (recognises() holds)
+    """The points (T, J, 3) of the array, and how sure they are (T, J, 1 or 0): of the layouts that its shape
+    allows, the first in which they make a body, else the first."""
+    choice = _choice(source)
+    assert choice is not None  # noqa: S101 (recognises() holds)
+    name, ways = choice
     values = read_arrays(source, [name])[name]
     if values.dtype.kind not in "fiu":
         raise source.error(expected="an array of numbers", found=f"one of {values.dtype}")
     with np.errstate(invalid="ignore", over="ignore"):  # a damaged file may hold any number
-        numbers = _by_joint(values.astype(np.float64), source)
+        possible = [_by_joint(values.astype(np.float64), way) for way in ways]
+    bodies = (numbers for numbers in possible if joint_set_of(numbers[..., :3]) is not None)
+    numbers = possible[0] if len(possible) == 1 else next(bodies, possible[0])
     points, visibility = numbers[..., :3], numbers[..., 3:]
     if _is_flat(points):
         raise source.error(
@@ -161,49 +167,75 @@ def _whole(offsets: Array) -> Array:
     return offsets[whole] if whole.any() else offsets
 
 
-def _name(source: Source) -> str | None:
-    """The name of the one array of joints, None without one, or with several; rotations beside are none."""
-    all_shapes = array_shapes(source)
-    axes = {name: found for name, shape in all_shapes.items() if (found := _axes(shape, source))}
-    rows = [name for name, shape in all_shapes.items() if _row(shape, source) is not None]
-    places = [name for name, (*_, numbers) in axes.items() if all_shapes[name][numbers] == 3]
-    names = places or [*axes, *rows]
-    return names[0] if len(names) == 1 else None
+class _Way(NamedTuple):
+    """How an array is laid out: the axes of frames, joints and a joint's numbers; joints: -1 if all numbers
+    of a frame are in a row."""
+
+    frames: int
+    joints: int
+    numbers: int
 
 
-def _axes(shape: tuple[int, ...], source: Source) -> tuple[int, int, int] | None:
-    """The axes of the frames, the joints and the 3 or 4 numbers of each; None if the shape has none.
+def _choice(source: Source) -> tuple[str, list[_Way]] | None:
+    """The name of the one array of joints, and its possible layouts; None without one, or with several.
 
-    An axis of one person does not matter. In numpy's files the frames come first where both would do, in
-    MATLAB's last.
+    Frames come first in numpy's files and mostly last in MATLAB's; another order counts where no array has
+    the usual one. Rotations beside the joints are none.
     """
+    shapes = array_shapes(source)
+    ways = {name: found for name, shape in shapes.items() if (found := _ways(shape, rows=is_mat5(source)))}
+    usual = -1 if is_mat5(source) else 0
+    first = {name for name, found in ways.items() if any(_place(shapes[name], way) == usual for way in found)}
+    names = [name for name in ways if name in first] or list(ways)
+    places = [
+        name
+        for name in names
+        if any(way.joints >= 0 and shapes[name][way.numbers] == 3 for way in ways[name])
+    ]
+    names = places or names
+    if len(names) != 1:
+        return None
+    shape = shapes[names[0]]
+    return names[0], sorted(ways[names[0]], key=lambda way: _place(shape, way) != usual)
+
+
+def _are_places(shape: tuple[int, ...], way: _Way) -> bool:
+    return way.joints >= 0 and shape[way.numbers] == 3
+
+
+def _place(shape: tuple[int, ...], way: _Way) -> int:
+    """0 if the frames are the first axis of more than one, -1 if they are the last, 1 in between."""
     many = [axis for axis, size in enumerate(shape) if size > 1]
-    if len(shape) not in (3, 4) or len(many) != 3 or 0 in shape:
-        return None
-    first, middle, last = many
-    ways = [(first, middle, last), (first, last, middle), (last, first, middle), (last, middle, first)]
-    for frames, joints, numbers in ways[::-1] if is_mat5(source) else ways:
-        if shape[joints] in COUNTS and shape[numbers] in _FIELDS:
-            return frames, joints, numbers
-    return None
+    return {0: 0, len(many) - 1: -1}.get(many.index(way.frames), 1)
 
 
-def _row(shape: tuple[int, ...], source: Source) -> int | None:
-    """The axis on which all numbers of a frame lie: of (T, 3 J or 4 J), and of HumanML3D's vectors, the last,
-    in MATLAB's files also the first; None without one."""
-    if len(shape) != 2 or min(shape) < 2:
-        return None
-    axes = (1, 0) if is_mat5(source) else (1,)
-    return next((axis for axis in axes if shape[axis] in _WIDTHS), None)
+def _ways(shape: tuple[int, ...], *, rows: bool) -> list[_Way]:
+    """The layouts that a shape allows; an axis of one person does not matter. rows: frames in a row may also
+    be columns."""
+    many = [axis for axis, size in enumerate(shape) if size > 1]
+    if 0 in shape or len(shape) > _MOST_AXES:
+        return []
+    if len(many) == 2:
+        orders = [(0, 1), (1, 0)] if rows else [(0, 1)]
+        pairs = [(many[frames], many[numbers]) for frames, numbers in orders]
+        return [
+            _Way(frames, -1, numbers)
+            for frames, numbers in pairs
+            if shape[numbers] in _WIDTHS and shape[frames] not in _FIELDS and shape[-1] > 1
+        ]
+    if len(many) != 3:
+        return []
+    ways = [_Way(*order) for order in itertools.permutations(many)]
+    fitting = [way for way in ways if shape[way.joints] in COUNTS and shape[way.numbers] in _FIELDS]
+    # Three or four frames are rotations of joints, rather than a recording, unless they come first.
+    return [way for way in fitting if way.frames == many[0] or shape[way.frames] not in _FIELDS]
 
 
-def _by_joint(values: Any, source: Source) -> Any:
-    """An array of such a shape as (T, J, 3 or 4)."""
-    if (row := _row(values.shape, source)) is not None:
-        frames = np.moveaxis(values, row, 1)
-        if frames.shape[1] == humanml3d.WIDTH:
-            return humanml3d.joints_of(frames)
-        return frames.reshape(len(frames), -1, _FIELDS_OF_ROW[frames.shape[1]])
-    axes = _axes(values.shape, source)
-    assert axes is not None  # noqa: S101 (its name was chosen by its shape)
-    return np.moveaxis(values, axes, (-3, -2, -1)).reshape([values.shape[axis] for axis in axes])
+def _by_joint(values: Any, way: _Way) -> Any:
+    """An array of such a layout as (T, J, 3 or 4)."""
+    if way.joints >= 0:
+        return np.moveaxis(values, way, (-3, -2, -1)).reshape([values.shape[axis] for axis in way])
+    frames = np.moveaxis(values, (way.frames, way.numbers), (-2, -1)).reshape(values.shape[way.frames], -1)
+    if frames.shape[1] == humanml3d.WIDTH:
+        return humanml3d.joints_of(frames)
+    return frames.reshape(len(frames), -1, _FIELDS_OF_ROW[frames.shape[1]])

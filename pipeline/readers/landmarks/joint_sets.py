@@ -159,12 +159,15 @@ def _error(points: Array, joint_set: JointSet) -> float:
 
 
 def _pelvis_at_hips(nodes: Mapping[str, Array]) -> bool:
-    """Whether the pelvis is nearer to the hips than to the shoulders, where it is a joint of its own."""
+    """Whether the pelvis is nearer to the hips than to the shoulders, where it is a joint of its own; one at
+    the origin is no measurement."""
     if "hip_center" not in nodes:
         return True
-    to_hips, to_shoulders = (
-        np.linalg.norm(nodes["hip_center"] - 0.5 * (nodes[f"{end}_left"] + nodes[f"{end}_right"]), axis=-1)
-        for end in ("hip", "shoulder")
-    )
-    seen = np.isfinite(to_hips) & np.isfinite(to_shoulders)
+    pelvis = nodes["hip_center"]
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged file may hold any number
+        to_hips, to_shoulders = (
+            np.linalg.norm(pelvis - 0.5 * (nodes[f"{end}_left"] + nodes[f"{end}_right"]), axis=-1)
+            for end in ("hip", "shoulder")
+        )
+    seen = np.isfinite(to_hips) & np.isfinite(to_shoulders) & pelvis.any(axis=-1)
     return not seen.any() or bool(np.median(to_hips[seen]) < np.median(to_shoulders[seen]))

@@ -25,7 +25,7 @@ from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of
 from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
 from kinemimic.pipeline.readers.mocap.c3d_points import Points, read_points
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
-from kinemimic.pipeline.readers.optical.marker_names import joint_centres, landmarks
+from kinemimic.pipeline.readers.optical.marker_names import body_labels
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers, require_legs
 from kinemimic.pipeline.readers.optical.people import main_person
@@ -99,7 +99,7 @@ def _of_laboratory(content: Points, labels: tuple[str, ...], source: Source) -> 
     """The nodes that one person's markers give."""
     labels, points, wrong = main_person(labels, content.positions)
     require_legs(labels, points, source)  # while unknown labels are still there to be named
-    known = _body_labels(labels)
+    known = body_labels(labels)
     body = _body(known, labels, points, content.units, source)
     rate, no_rate = _rate(content.rate, len(points), source)
     up, notes = _up(content), []
@@ -172,14 +172,6 @@ def unread_frames(source: Source, read: int) -> list[Defect]:
         f"the header counts {read} frames, the most it can; the file has room for {room}: the rest is unread"
     )
     return [Defect("dropped_frames", room - read, "frames", "flagged", text)]
-
-
-def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
-    """The labels of joints and known markers; files store angles, forces and moments as points too."""
-    known = {k for markers in landmarks(labels).values() for k in markers} | set(
-        joint_centres(labels).values()
-    )
-    return tuple(labels[k] for k in sorted(known))
 
 
 def _unit(declared: str, points: Array, source: Source) -> tuple[str, str]:

@@ -293,3 +293,11 @@ def canonical_labels(landmark: str, count: int) -> tuple[str, ...] | None:
         return None
     found = next((labels for labels in patterns if len(labels) == count), None)
     return None if found is None else tuple(label.replace("*", side[:1]) for label in found)
+
+
+def body_labels(labels: Sequence[str]) -> tuple[str, ...]:
+    """The labels of joints and known markers, in their order; files store angles, forces and moments as
+    points too."""
+    known = {k for markers in landmarks(labels).values() for k in markers}
+    known |= set(joint_centres(labels).values())
+    return tuple(labels[k] for k in sorted(known))

@@ -192,7 +192,7 @@ WALK = b"HIERARCHY " * 100
         (b"glTF\x02\0\0\0" + bytes(99), "a file of glTF; export its motion as BVH"),
         (
             mat_file(angles=np.zeros((40, 7)), note="none"),
-            "a MAT-file of angles, note; save the joints as the one",
+            "a MAT-file of angles, note; save the joints as one",
         ),
         (
             b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(99),

@@ -121,17 +121,14 @@ def test_an_array_of_structures_and_what_is_no_number() -> None:
 
 
 def test_big_endian() -> None:
-    def element(kind: int, data: bytes) -> bytes:
-        return struct.pack(">II", kind, len(data)) + data + bytes(-len(data) % 8)
-
     matrix = b"".join([
-        element(6, struct.pack(">II", 6, 0)),
-        element(5, struct.pack(">ii", 2, 2)),
-        element(1, b"a"),
-        element(9, struct.pack(">4d", 1.0, 2.0, 3.0, 4.0)),
+        element(6, struct.pack(">II", 6, 0), ">"),
+        element(5, struct.pack(">ii", 2, 2), ">"),
+        element(1, b"a", ">"),
+        element(9, struct.pack(">4d", 1.0, 2.0, 3.0, 4.0), ">"),
     ])  # fmt: skip
     header = mat5.MARK.ljust(124) + b"\x01\x00MI"
-    found = mat5.variables(source(header + element(14, matrix)), ["a"])["a"]
+    found = mat5.variables(source(header + element(14, matrix, ">")), ["a"])["a"]
     np.testing.assert_array_equal(found, [[1.0, 3.0], [2.0, 4.0]])
 
 
@@ -156,8 +153,48 @@ def test_a_variable_that_unpacks_to_more_than_the_limit_is_refused(monkeypatch: 
     monkeypatch.setattr(mat5, "MAX_BYTES", 2**20)
     content = saved(zeros=np.zeros(2**18))
     assert len(content) < 2**13
-    with pytest.raises(CaptureError, match="a variable of at most 1 MB, found a larger one"):
+    with pytest.raises(CaptureError, match="at most 1 MB of markers or joints, found more"):
         mat5.variables(source(content), ["zeros"])
+
+
+def test_only_what_is_wanted_is_unpacked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mat5, "MAX_BYTES", 2**20)
+    content = saved(first=np.zeros(2**18), wanted=np.ones(3), last=np.zeros(2**18))
+    assert mat5.variables(source(content[:-40]), ["wanted"])["wanted"].tolist() == [[1.0, 1.0, 1.0]]
+
+
+def test_the_first_variable_of_a_name_counts() -> None:
+    text, numbers = saved(a="walk"), saved(a=np.ones((2, 3)))
+    content = source(text + numbers[128:])
+    assert mat5.heads(content)["a"].kind == "char"
+    assert mat5.variables(content, ["a"]) == {"a": "walk"}
+
+
+def element(kind: int, data: bytes, order: str = "<") -> bytes:
+    return struct.pack(order + "II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def test_objects_of_matlab_are_passed_over() -> None:
+    """A `string`: flags of class 17, the variable's name, and what only MATLAB knows."""
+    inside = element(6, struct.pack("<II", 17, 0)) + element(1, b"s") + element(1, b"MCOS")
+    content = saved(a=np.ones(2), compressed=False)
+    content = content[:128] + element(14, inside + element(1, b"string")) + content[128:]
+    assert mat5.heads(source(content))["s"].kind == ""
+    assert mat5.variables(source(content), ["s", "a"])["s"] is None
+    assert mat5.variables(source(content), ["a"])["a"].tolist() == [[1.0, 1.0]]
+
+
+def test_lines_of_text_that_claim_more_than_there_is() -> None:
+    content = bytearray(saved(text="walk", compressed=False))
+    at = content.index(struct.pack("<ii", 1, 4))
+    content[at : at + 8] = struct.pack("<ii", 2**28, 4)
+    with pytest.raises(CaptureError, match="more than 1,000,000 values"):
+        mat5.variables(source(bytes(content)), ["text"])
+
+
+def test_zeros_behind_the_variables_are_not_read() -> None:
+    content = source(saved(a=np.ones(2)) + bytes(2**24))
+    assert list(mat5.heads(content)) == ["a"]
 
 
 def test_cells_that_claim_more_than_there_is() -> None:

@@ -76,7 +76,7 @@ def by_name(scale: float = 1.0, width: int = 3) -> dict[str, np.ndarray]:
 def test_a_variable_for_each_marker_and_their_rate() -> None:
     clip = read(sample.saved(**by_name(), fs=sample.RATE))
     same_as_tsv(clip)
-    assert "rate of fs" in clip.provenance["reading"]["notes"]
+    assert "no time in the file: 100 Hz (fs)" in clip.provenance["reading"]["notes"]
 
 
 def test_a_cell_for_each_signal_as_of_visual3d_in_metres() -> None:
@@ -91,7 +91,80 @@ def test_a_cell_for_each_signal_as_of_visual3d_in_metres() -> None:
 def test_a_structure_of_markers_without_a_rate() -> None:
     clip = read(sample.saved(markers=by_name(width=4), gait={"side": "L"}))
     assert clip.rate == pytest.approx(100.0)
-    assert any("no rate in the file: 100 Hz" in note for note in clip.provenance["reading"]["notes"])
+    assert any("no time in the file: 100 Hz, unless" in note for note in clip.provenance["reading"]["notes"])
+
+
+ANGLES = {
+    f"{side}{joint}Angles": np.full((FRAMES, 3), 20.0) for side in "LR" for joint in ("Hip", "Knee", "Ankle")
+}
+
+
+def test_angles_forces_and_other_devices_beside_the_markers() -> None:
+    """btk saves its structures in the order of the alphabet, and analogsInfo is before markersInfo."""
+    forces = {"FP1": np.full((FRAMES, 3), 800.0), "LKneeMoment": np.full((FRAMES, 3), 3e5)}
+    clip = read(
+        sample.saved(
+            analogsInfo={"frequency": 1000.0}, angles=ANGLES, emg={"fs": 2000.0},
+            markers={**by_name(), **forces, **ANGLES}, markersInfo={"frequency": sample.RATE},
+        )
+    )  # fmt: skip
+    same_as_tsv(clip)
+    assert "markers of markers" in clip.provenance["reading"]["notes"]
+
+
+@pytest.mark.parametrize("times", [np.arange(FRAMES) / 50.0, np.arange(FRAMES)[:, None] / 50.0])
+def test_the_times_beside_the_markers(times: np.ndarray) -> None:
+    assert read(sample.saved(markers=by_name(), time=times)).rate == pytest.approx(50.0)
+
+
+def test_angles_alone_are_no_capture() -> None:
+    with pytest.raises(CaptureError, match="a MAT-file of angles; save the joints as one array"):
+        read(sample.saved(angles=ANGLES))
+
+
+def test_several_rates_are_named() -> None:
+    clip = read(sample.saved(**by_name(), fs=sample.RATE, videoInfo={"frequency": 25.0}))
+    assert clip.rate == pytest.approx(sample.RATE)
+    assert "other rates in the file: 25 Hz (frequency)" in clip.provenance["reading"]["notes"]
+
+
+def test_several_recordings_are_named() -> None:
+    measured = sample.qtm(LABELS, PLACES)
+    clip = read(sample.saved(walk1=measured, walk2=measured))
+    assert "2 recordings in the file: the first is read" in clip.provenance["reading"]["notes"]
+    both = {label: np.array([[value, value]], dtype=object) for label, value in by_name().items()}
+    for label, value in by_name().items():
+        both[label] = np.empty((1, 2), dtype=object)
+        both[label][0, :] = [value, value]
+    with pytest.raises(CaptureError, match=r"expected one recording: .*, found several"):
+        read(sample.saved(**both))
+
+
+def test_of_two_skeletons_the_one_seen_most_is_read() -> None:
+    shown = 1000.0 * walk(FRAMES, sample.RATE).joints[:, [NODE_INDEX[node] for node in JOINTS.values()]]
+    hidden = shown + np.array([0.0, 1500.0, 0.0])
+    hidden[5:] = np.nan
+    fields = ("SkeletonName", "NrOfSegments", "SegmentLabels", "PositionData")
+    both = np.empty((1, 2), dtype=[(name, object) for name in fields])
+    for number, points in enumerate((hidden, shown)):
+        made = skeleton(f"S{number}", list(JOINTS), points)
+        both[0, number] = tuple(made[name] for name in fields)
+    clip = read(sample.saved(walk=sample.qtm([], np.zeros((FRAMES, 0, 3)), Skeletons=both)))
+    assert np.isfinite(clip.positions).all()
+    assert {one["rule"] for one in clip.provenance["reading"]["defects"]} == {"several_people"}
+
+
+def test_a_skeleton_in_local_coordinates_is_refused() -> None:
+    shown = 1000.0 * walk(FRAMES, sample.RATE).joints[:, [NODE_INDEX[node] for node in JOINTS.values()]]
+    local = {**skeleton("S1", list(JOINTS), shown), "Reference": "Local"}
+    with pytest.raises(CaptureError, match="expected skeletons in global coordinates, found Reference Local"):
+        read(sample.saved(walk=sample.qtm([], np.zeros((FRAMES, 0, 3)), Skeletons=local)))
+
+
+def test_velocities_of_the_toolbox_are_refused() -> None:
+    velocities = {**sample.toolbox(LABELS, PLACES), "timederOrder": 1.0}
+    with pytest.raises(CaptureError, match=r"expected positions .*, found their derivative of order 1"):
+        read(sample.saved(d=velocities))
 
 
 def test_a_structure_of_a_kinects_joints() -> None:
@@ -145,7 +218,7 @@ def changed(path: str, value: Any) -> dict[str, Any]:
     ("content", "expected"),
     [
         (changed("FrameRate", 0.0), r"a rate in Hz in FrameRate, found 0"),
-        (changed("FrameRate", "fast"), r"a rate in Hz in FrameRate, found 0"),
+        (changed("FrameRate", "fast"), r"a rate in Hz in FrameRate, found none"),
         (changed("Trajectories.Labeled.Data", PLACES), r"Data of shape \(\d+ labels, 4, frames\)"),
         (changed("Trajectories.Labeled.Labels", sample.cells([])), "expected labelled trajectories"),
         (changed("Trajectories.Labeled.Labels", sample.cells(["a"] * len(LABELS))), "hips|pelvis"),

@@ -58,4 +58,11 @@ def test_a_table_without_segments_is_refused() -> None:
     head, _, rest = text.partition("Frame\tTime\t")
     row = rest.split("\n", 1)[1]
     with pytest.raises(CaptureError, match="columns NAME, X, Y, Z"):
-        read(f"{head}Frame\tTime\ta\tb\n{row}")
+        read(f"{head}Frame\tTime\tQX\tQY\tQZ\tQW\n{row}")
+
+
+def test_without_a_solver_and_with_blanks_and_a_scale() -> None:
+    text = sample.text(POINTS).replace("SOLVER\tTheia Markerless\n", "").replace("\tX\t", "\tX \t")
+    clip = read(text.replace("SCALE\t1.00000", "SCALE\t1.05"))
+    np.testing.assert_array_equal(clip.positions, read(sample.text(POINTS)).positions)
+    assert "SCALE 1.05 is not applied" in clip.provenance["reading"]["notes"]

@@ -52,7 +52,7 @@ def test_joints_are_those_of_the_definition() -> None:
 
 def test_a_file_of_vectors_is_a_capture() -> None:
     points, turned = known(80)
-    content = saved(vectors(points, turned).astype(np.float32))
+    content = saved(vectors(points, turned).astype(np.float32)[None])  # a batch of one
     clip = recognise.read_source(Source(Path("000021.npy"), content, hashlib.sha256(content).hexdigest()))
     shown = walk(80, 20.0).joints[:-1]
     expected = np.stack([shown[:, NODE_INDEX[node]] for node in clip.skeleton.names], axis=1)

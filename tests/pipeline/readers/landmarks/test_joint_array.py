@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -123,13 +124,39 @@ def test_the_arrays_of_other_programs(layout: str, joint_set: JointSet) -> None:
 
 
 @pytest.mark.parametrize("joint_set", SETS, ids=lambda one: one.name)
-@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
-def test_a_mat_file_has_the_frames_first_or_last(axes: tuple[int, int, int], joint_set: JointSet) -> None:
+@pytest.mark.parametrize("axes", list(permutations(range(3))))
+def test_a_mat_file_has_its_axes_in_any_order(axes: tuple[int, int, int], joint_set: JointSet) -> None:
     shown = walk(60)
     content = mat_file(d_skel=np.transpose(joints(shown, joint_set), axes), action="walk")
     clip = read(content, "joints.mat")
     assert clip.provenance["reading"]["notes"][0].startswith(joint_set.name)
     np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+
+
+def test_shapes_of_a_body_model_beside_the_joints_of_an_archive() -> None:
+    points = joints(walk(80), KINECT_V1)
+    expected = read(saved(points)).positions
+    for other in ((20, 3, 3), (20, 3, 10), (80, 3, 3)):
+        packed = archive(joints=points, other=np.ones(other))
+        np.testing.assert_array_equal(read(packed, "joints.npz").positions, expected)
+
+
+@pytest.mark.parametrize("count", [60, 66, 75, 80, 90, 100])
+@pytest.mark.parametrize("frames_last", [False, True])
+def test_rows_of_a_mat_file_of_any_number_of_frames(frames_last: bool, count: int) -> None:
+    shown = walk(count)
+    rows = joints(shown, KINECT_V1).reshape(count, -1)
+    content = mat_file(j=rows.T if frames_last else rows, com=np.ones((count, 3)))
+    clip = read(content, "joints.mat")
+    np.testing.assert_allclose(clip.positions, truth(shown, clip), atol=1e-6)
+
+
+def test_a_pelvis_at_the_origin_of_a_camera_is_none() -> None:
+    points = joints(walk(60), KINECT_V1) + np.array([0.0, -2.4, 3.0])
+    points[:, 0] = 0.0
+    clip = read(saved(points))
+    assert "hip_center" not in clip.skeleton.names
+    assert clip.provenance["reading"]["notes"][0].startswith("Kinect v1")
 
 
 @pytest.mark.parametrize("frames_last", [False, True])
