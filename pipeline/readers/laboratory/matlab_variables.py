@@ -69,42 +69,41 @@ def recorded(source: Source) -> Recorded:
     name, known = holder(source), heads(source)
     assert name is not None  # noqa: S101 (recognises() holds)
     own = [name] if name else [one for one, head in known.items() if _may_be_places(head.kind, head.shape)]
-    beside = [one for one, head in known.items() if head.kind in ("struct", "cell") or _is_row(head)]
-    values = variables(source, {*own, *beside})
+    values = variables(source, {*own, *(one for one, head in known.items() if _may_be_clock(one, head))})
     fields = values[name] if name else {one: values[one] for one in own}
-    places = {
-        label: value
-        for label, one in (fields.items() if isinstance(fields, Mapping) else ())
-        if is_array(value := _alone(one)) and value.ndim == 2 and value.shape[1] in (3, 4)
-        if _is_place(label)
-    }
-    lengths = Counter(len(value) for value in places.values())
-    frames = lengths.most_common(1)[0][0] if lengths else 0
-    labels = tuple(label for label, value in places.items() if len(value) == frames)
-    if not has_legs(labels):
-        several = isinstance(fields, list) or any(
-            isinstance(one, list) and len(one) > 1 for one in values.values()
-        )
-        raise source.error(
-            expected="one recording: arrays (frames, 3) of the markers at pelvis, knees and ankles",
-            found="several" if several else f"{len(labels)} of {frames} frames",
-        )
+    places = _places(fields, source)
+    labels, frames = tuple(places), len(next(iter(places.values())))
     renamed = marker_set(source).renamed(labels, source)
     kept = body_labels(renamed)
     points = np.stack([places[labels[renamed.index(one)]][:, :3].astype(np.float64) for one in kept], axis=1)
     usual = KINECT_RATE if joint_centres(kept).keys() >= set(REQUIRED) else RATE
     rate, notes = _rate(values, fields, source)
-    times = times_of_frames(
-        frames,
-        _of_frames(values, fields, frames),
-        source,
-        lambda frame: f"frame {frame}",
-        rate=rate,
-        usual=usual,
-    )
+    beside = _of_frames(values, fields, frames)
+    times = times_of_frames(frames, beside, source, lambda row: f"frame {row}", rate=rate, usual=usual)
     if name:
         notes = (f"markers of {name[:40]}", *notes)
     return Recorded(kept, points[times.kept], times.seconds, None, (*notes, times.note))
+
+
+def _places(fields: Value, source: Source) -> dict[str, Array]:
+    """Label -> array (T, 3 or 4) of as many frames as most have; CaptureError if they have no legs."""
+    arrays = {
+        label: value
+        for label, one in (fields.items() if isinstance(fields, Mapping) else ())
+        if is_array(value := _alone(one)) and value.ndim == 2 and value.shape[1] in (3, 4)
+        if _is_place(label)
+    }
+    lengths = Counter(len(value) for value in arrays.values())
+    frames = lengths.most_common(1)[0][0] if lengths else 0
+    places = {label: value for label, value in arrays.items() if len(value) == frames}
+    if not has_legs(tuple(places)):
+        cells = [fields, *(fields.values() if isinstance(fields, Mapping) else ())]
+        several = any(isinstance(one, list) and len(one) > 1 for one in cells)
+        raise source.error(
+            expected="one recording: arrays (frames, 3) of the markers at pelvis, knees and ankles",
+            found="several" if several else f"{len(places)} of {frames} frames",
+        )
+    return places
 
 
 def is_array(value: Any) -> bool:
@@ -130,9 +129,15 @@ def _may_be_places(kind: str, shape: tuple[int, ...]) -> bool:
     return kind == "cell" or (kind == "number" and len(shape) == 2 and shape[1] in (3, 4))
 
 
-def _is_row(head: Head) -> bool:
-    """Whether a variable is a row or a column of numbers, or a single one."""
-    return head.kind == "number" and len(head.shape) == 2 and min(head.shape) == 1
+def _may_be_clock(name: str, head: Head) -> bool:
+    """Whether a variable is a row or a column of numbers, a rate, or a structure with one."""
+    if head.kind == "number":
+        return len(head.shape) == 2 and min(head.shape) == 1
+    return _says_rate(name) or any(map(_says_rate, head.fields))
+
+
+def _says_rate(name: str) -> bool:
+    return is_rate(name) or set(words_of(name)) in _RATES
 
 
 def _alone(value: Value) -> Value:
@@ -171,8 +176,8 @@ def _rate(values: Mapping[str, Value], fields: Value, source: Source) -> tuple[R
 
 
 def _rates(group: Value) -> Iterator[tuple[str, float]]:
-    """The name and value of single numbers that call themselves a rate."""
+    """The name and value of single numbers above 0 that call themselves a rate."""
     for name, value in group.items() if isinstance(group, Mapping) else ():
         one = _alone(value)
-        if (is_rate(name) or set(words_of(name)) in _RATES) and is_array(one) and one.size == 1:
+        if _says_rate(name) and is_array(one) and one.size == 1 and one.flat[0] > 0:
             yield name, float(one.flat[0])

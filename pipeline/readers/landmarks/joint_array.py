@@ -185,14 +185,10 @@ def _choice(source: Source) -> tuple[str, list[_Way]] | None:
     shapes = array_shapes(source)
     ways = {name: found for name, shape in shapes.items() if (found := _ways(shape, rows=is_mat5(source)))}
     usual = -1 if is_mat5(source) else 0
-    first = {name for name, found in ways.items() if any(_place(shapes[name], way) == usual for way in found)}
-    names = [name for name in ways if name in first] or list(ways)
-    places = [
-        name
-        for name in names
-        if any(way.joints >= 0 and shapes[name][way.numbers] == 3 for way in ways[name])
+    names = [name for name in ways if any(_place(shapes[name], way) == usual for way in ways[name])] or [
+        *ways
     ]
-    names = places or names
+    names = [name for name in names if any(_are_places(shapes[name], way) for way in ways[name])] or names
     if len(names) != 1:
         return None
     shape = shapes[names[0]]

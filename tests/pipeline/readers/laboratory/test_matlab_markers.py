@@ -17,6 +17,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.array_files import mat5
 from kinemimic.pipeline.readers.base.source import Source
 
 FRAMES = 30
@@ -120,6 +121,16 @@ def test_the_times_beside_the_markers(times: np.ndarray) -> None:
 def test_angles_alone_are_no_capture() -> None:
     with pytest.raises(CaptureError, match="a MAT-file of angles; save the joints as one array"):
         read(sample.saved(angles=ANGLES))
+
+
+def test_what_stands_beside_the_markers_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mat5, "_MAX_VALUES", 200)
+    deep: Any = 1.0
+    for _ in range(30):
+        deep = {"a": deep}
+    many = sample.cells(["x"] * 500)
+    clip = read(sample.saved(deep=deep, many=many, markers=by_name(), fs=sample.RATE, frequency=0.0))
+    same_as_tsv(clip)
 
 
 def test_several_rates_are_named() -> None:
