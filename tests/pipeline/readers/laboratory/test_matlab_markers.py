@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from samples import matlab_markers as sample
-from samples import qualisys_tsv, source_of
+from samples import qualisys_skeleton, qualisys_tsv, source_of
 from samples.motion import walk
 
 from kinemimic.pipeline.errors import CaptureError
@@ -23,17 +23,6 @@ from kinemimic.pipeline.readers.base.source import Source
 FRAMES = 30
 PLACES = 1000.0 * sample.points(FRAMES)
 LABELS = list(sample.MARKERS)
-JOINTS = {
-    "Hips": "hip_center", "Spine": "spine", "Neck": "shoulder_center", "Head": "head",
-    **{
-        f"{side}{bone}": f"{node}_{side.lower()}"
-        for side in ("Left", "Right")
-        for bone, node in (
-            ("Arm", "shoulder"), ("ForeArm", "elbow"), ("Hand", "wrist"),
-            ("UpLeg", "hip"), ("Leg", "knee"), ("Foot", "ankle"), ("ToeBase", "foot"),
-        )
-    },
-}  # fmt: skip
 
 
 def read(content: bytes) -> Clip:
@@ -152,13 +141,18 @@ def test_several_recordings_are_named() -> None:
 
 
 def test_of_two_skeletons_the_one_seen_most_is_read() -> None:
-    shown = 1000.0 * walk(FRAMES, sample.RATE).joints[:, [NODE_INDEX[node] for node in JOINTS.values()]]
+    shown = (
+        1000.0
+        * walk(FRAMES, sample.RATE).joints[
+            :, [NODE_INDEX[node] for node in qualisys_skeleton.SEGMENTS.values()]
+        ]
+    )
     hidden = shown + np.array([0.0, 1500.0, 0.0])
     hidden[5:] = np.nan
     fields = ("SkeletonName", "NrOfSegments", "SegmentLabels", "PositionData")
     both = np.empty((1, 2), dtype=[(name, object) for name in fields])
     for number, points in enumerate((hidden, shown)):
-        made = skeleton(f"S{number}", list(JOINTS), points)
+        made = skeleton(f"S{number}", list(qualisys_skeleton.SEGMENTS), points)
         both[0, number] = tuple(made[name] for name in fields)
     clip = read(sample.saved(walk=sample.qtm([], np.zeros((FRAMES, 0, 3)), Skeletons=both)))
     assert np.isfinite(clip.positions).all()
@@ -166,8 +160,13 @@ def test_of_two_skeletons_the_one_seen_most_is_read() -> None:
 
 
 def test_a_skeleton_in_local_coordinates_is_refused() -> None:
-    shown = 1000.0 * walk(FRAMES, sample.RATE).joints[:, [NODE_INDEX[node] for node in JOINTS.values()]]
-    local = {**skeleton("S1", list(JOINTS), shown), "Reference": "Local"}
+    shown = (
+        1000.0
+        * walk(FRAMES, sample.RATE).joints[
+            :, [NODE_INDEX[node] for node in qualisys_skeleton.SEGMENTS.values()]
+        ]
+    )
+    local = {**skeleton("S1", list(qualisys_skeleton.SEGMENTS), shown), "Reference": "Local"}
     with pytest.raises(CaptureError, match="expected skeletons in global coordinates, found Reference Local"):
         read(sample.saved(walk=sample.qtm([], np.zeros((FRAMES, 0, 3)), Skeletons=local)))
 
@@ -207,8 +206,8 @@ def skeleton(name: str, names: list[str], places: np.ndarray) -> dict[str, Any]:
 
 def test_a_skeleton_is_read_at_its_joints() -> None:
     shown = walk(FRAMES, sample.RATE)
-    nodes = [NODE_INDEX[node] for node in JOINTS.values()]
-    solved = skeleton("S1", list(JOINTS), 1000.0 * shown.joints[:, nodes])
+    nodes = [NODE_INDEX[node] for node in qualisys_skeleton.SEGMENTS.values()]
+    solved = skeleton("S1", list(qualisys_skeleton.SEGMENTS), 1000.0 * shown.joints[:, nodes])
     clip = read(sample.saved(walk=sample.qtm([], np.zeros((FRAMES, 0, 3)), Skeletons=solved)))
     expected = np.stack([shown.joints[:, NODE_INDEX[node]] for node in clip.skeleton.names], axis=1)
     assert {"hip_left", "knee_right", "ankle_left", "foot_left"} <= set(clip.skeleton.names)
