@@ -58,11 +58,11 @@ def read(source: Source) -> Clip:
     be computed.
     """
     structures = _structures(source)
-    labels, points, times, stated, notes = (
+    labels, points, times, stated, notes, of_times = (
         _of_structure(structures, source) if structures else matlab_variables.recorded(source)
     )
     unit = source.unit or stated or _likeliest_unit(labels, points)
-    defects = zero_frames(points)
+    defects = [*of_times, *zero_frames(points)]
     labels, points, wrong = metres_of_one_person(labels, points, unit, source)
     defects += wrong
     return clip_of_markers(

@@ -15,6 +15,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.array_files.mat5 import Head, Value, heads, variables
 from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.column_names import words_of
@@ -39,13 +40,14 @@ _PLACES = frozenset(("marker", "markers", "point", "points", "trajectories", "jo
 
 class Recorded(NamedTuple):
     """labels: (M,); points: (T, M, 3) in `unit`, a key of UNITS, or None if that is not known; times: (T,)
-    seconds; notes: for the user."""
+    seconds; notes: for the user; defects: of the times."""
 
     labels: tuple[str, ...]
     points: Array
     times: Array
     unit: str | None
     notes: tuple[str, ...] = ()
+    defects: tuple[Defect, ...] = ()
 
 
 def holder(source: Source) -> str | None:
@@ -82,7 +84,8 @@ def recorded(source: Source) -> Recorded:
     times = times_of_frames(frames, beside, source, lambda row: f"frame {row}", rate=rate, usual=usual)
     if name:
         notes = (f"markers of {name[:40]}", *notes)
-    return Recorded(kept, points[times.kept], times.seconds, None, (*notes, times.note))
+    notes = (*notes, times.note)
+    return Recorded(kept, points[times.kept], times.seconds, None, notes, tuple(times.defects))
 
 
 def _places(fields: Value, source: Source) -> dict[str, Array]:
