@@ -29,6 +29,7 @@ from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
 from kinemimic.train.runner.closing_words import closing_words
+from kinemimic.train.runner.device import device_named
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
@@ -58,6 +59,7 @@ def train(
     start: str | None = None,
     config: TrainConfig | None = None,
     ray: str | None = None,
+    device: str = "cpu",
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
@@ -84,6 +86,7 @@ def train(
     given, replace those in it.
     ray: simulate on a Ray cluster: its address, or "local" to start Ray on this machine; by default one
     worker per core of it. The policy is bit for bit that of as many local processes.
+    device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU, whose rounding differs from the CPU's.
     """
     if config is not None and start is not None:
         raise KinemimicError("train: expected config or start, found both; start has settings of its own")
@@ -103,7 +106,16 @@ def train(
         )
         count = where.count(workers, settings.config.num_envs)
         return _train(
-            run, motion, settings, where, count, resolve(engine), timer, minutes=minutes, resume=resume
+            run,
+            motion,
+            settings,
+            where,
+            count,
+            resolve(engine),
+            timer,
+            minutes=minutes,
+            resume=resume,
+            device=device_named(device),
         )
 
 
@@ -118,6 +130,7 @@ def _train(
     *,
     minutes: float | None,
     resume: bool,
+    device: torch.device,
 ) -> dict[str, Any]:
     """Train on `where` with `count` workers; the other arguments as in `train`."""
     config = settings.config
@@ -132,7 +145,7 @@ def _train(
     # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
     threads = min(count, local_cores())
     torch.set_num_threads(threads if config.baseline is None else 1)
-    algorithm = _algorithm(config, motion, engine, count)
+    algorithm = _algorithm(config, motion, engine, count, device)
     if settings.initial is not None:
         assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
         algorithm.begin_from(settings.initial)
@@ -192,12 +205,14 @@ def _corrector(algorithm: Algorithm, motion: Motion, engine: str, threads: int) 
         corrector.close()
 
 
-def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:
+def _algorithm(
+    config: TrainConfig, motion: Motion, engine: str, threads: int, device: torch.device
+) -> Algorithm:
     if config.baseline is None:
         return PpoAlgorithm(config)
     from kinemimic.train.baselines.runner import BaselineAlgorithm  # noqa: PLC0415 (may not be installed)
 
-    return BaselineAlgorithm(config, motion, engine, threads)
+    return BaselineAlgorithm(config, motion, engine, threads, device)
 
 
 @contextmanager

@@ -25,7 +25,7 @@ RELATED = ("capture.parquet", "gait.json", "quality.json", "gimbal.json")
 class Cell:
     """source: run folder of the motion; identity: of the motion; task: its name; config: includes the seed;
     budgets: increasing; engine: a resolved name from `train/sim/engines.py`; anyway: also train on motions
-    that the gate refuses."""
+    that the gate refuses; workers, device: of `train`."""
 
     source: Path
     identity: str
@@ -36,6 +36,8 @@ class Cell:
     out: Path
     engine: str
     anyway: bool = False
+    workers: int = 1
+    device: str = "cpu"
 
     @property
     def folder(self) -> Path:
@@ -85,11 +87,12 @@ def train_and_score(cell: Cell) -> None:
             cell.folder,
             config=cell.config,
             budget=budget,
-            workers=1,
+            workers=cell.workers,
             engine=cell.engine,
             anyway=cell.anyway,
+            device=cell.device,
         )
-        evaluate(cell.folder, workers=1, engine=cell.engine)
+        evaluate(cell.folder, workers=cell.workers, engine=cell.engine)
         # The scores are written last: they mark the budget as finished.
         for name in ("policy.safetensors", "policy.json", "scores.json"):
             kept = cell.folder / f"{Path(name).stem}-{budget}{Path(name).suffix}"

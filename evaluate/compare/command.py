@@ -35,6 +35,7 @@ from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
+from kinemimic.train.runner.device import DEVICES, device_named, device_option
 from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option
 
@@ -53,17 +54,22 @@ def compare(
     engine: str = "auto",
     anyway: bool = False,
     ray: str | None = None,
+    device: str = "cpu",
 ) -> dict[str, Any]:
     """Train and score every task, variant and seed; writes and returns the content of out/compare.json.
 
     seeds: number of seeds, 0 to seeds - 1; budgets: increasing numbers of samples at which each policy is
-    scored; limits: variant -> its last budget, to end it early; jobs: cells in parallel, one core each
+    scored; limits: variant -> its last budget, to end it early; jobs: cells in parallel, sharing the cores
     (default: one per core); ray: train on a Ray cluster, one cell per core: its address, or "local" to start
     Ray on this machine. A cell whose node is lost is trained again from the state that this machine has.
+    device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU.
     Finished results are kept and interrupted training runs resume. A cell that fails is listed under
     `failed`; the others continue.
     """
     engine = resolve(engine)
+    if device != DEVICES[0]:
+        device_named(device)
+    jobs = jobs or len(sched_getaffinity(0))
     motions = {task.name: task.motion for task in tasks}
     if len(motions) < len(tasks):
         raise KinemimicError(
@@ -72,7 +78,8 @@ def compare(
     scored_at = _budgets_of(variants, budgets, limits or {})
     cells = [
         Cell(task.run, motions[task.name].identity, task.name, variant,
-             replace(task.configured(config), seed=seed), scored_at[variant], out, engine, anyway)
+             replace(task.configured(config), seed=seed), scored_at[variant], out, engine, anyway,
+             workers=max(1, len(sched_getaffinity(0)) // jobs), device=device)
         for seed in range(seeds)
         for variant, config in variants.items()
         for task in tasks
@@ -86,7 +93,7 @@ def compare(
         watcher = ProgressBars(several, ledger)
         try:
             if ray is None:
-                side_by_side(train_and_score, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
+                side_by_side(train_and_score, ledger.unfinished(), jobs, watcher)
             else:
                 with cluster(ray):
                     executor = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
@@ -225,6 +232,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="Hidden layers of all variants, such as 128,64, or of one; repeatable.")  # fmt: skip
 @jobs_option("Parallel training runs.")
 @out_option("Output folder.", Path("runs/compare"))
+@device_option("the networks of DDPG, TD3 and SAC")
 @ray_option
 @engine_option
 @click.option("--anyway", is_flag=True, help="Also train on motions that the check before training refuses.")
@@ -243,6 +251,7 @@ def command(
     hidden: tuple[str, ...],
     jobs: int | None,
     out: Path,
+    device: str,
     ray: str | None,
     engine: str,
     anyway: bool,
@@ -260,13 +269,15 @@ def command(
     """
     if ray is not None and jobs is not None:
         raise click.UsageError("--jobs: expected none with --ray, which uses every core of the cluster")
+    if ray is not None and device != DEVICES[0]:
+        raise click.UsageError("--device: expected cpu with --ray, which gives each training run one core")
     if hidden and ablated:
         raise click.UsageError("--hidden: expected no --ablation, which varies the layers itself")
     variants = _with_layers(_variants(presets, searched, only, ablated=ablated), hidden)
     _expect_names("--limit", limits, variants)
     result = compare(
         [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
-        jobs=jobs, engine=engine, anyway=anyway, ray=ray,
+        jobs=jobs, engine=engine, anyway=anyway, ray=ray, device=device,
     )  # fmt: skip
     if ships is not None:
         Comparison(out, result).publish(ships)

@@ -17,7 +17,7 @@ from kinemimic.train.baselines.off_policy import OffPolicyModel, SeparateRates
 from kinemimic.train.config.baseline_config import A2c, Baseline, OffPolicy
 from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.config.env_config import OBSERVATION_CLIP
-from kinemimic.train.ppo.mlp import choose_gradient_dtype
+from kinemimic.train.ppo.mlp import CPU, choose_gradient_dtype
 from kinemimic.train.rollout.policy import Policy
 
 Model = OffPolicyModel | A2C | PPO
@@ -36,22 +36,32 @@ def observation_statistics(env: VecNormalize) -> RunningMeanStd:
     return env.obs_rms
 
 
-def build_model(config: TrainConfig, env: VecNormalize) -> Model:
-    """The untrained algorithm, initialised from the global random generators."""
+def build_model(config: TrainConfig, env: VecNormalize, device: torch.device = CPU) -> Model:
+    """The untrained algorithm, initialised from the global random generators.
+
+    device: of the networks of an algorithm with a replay buffer; others stay on the CPU.
+    """
     if config.baseline is None:
         raise ValueError("expected a configuration with a baseline, found none")
-    choose_gradient_dtype()
+    choose_gradient_dtype(device)
     hidden = list(config.hidden)
-    model = _build(config, config.baseline, env, {"pi": hidden, "qf" if config.bound else "vf": hidden})
+    networks = {"pi": hidden, "qf" if config.bound else "vf": hidden}
+    model = _build(config, config.baseline, env, networks, device)
     _set_rates(model, config.baseline)
     set_exploration(model, config, 0)
     return model
 
 
-def _build(config: TrainConfig, baseline: Baseline, env: VecNormalize, nets: dict[str, list[int]]) -> Model:
+def _build(
+    config: TrainConfig,
+    baseline: Baseline,
+    env: VecNormalize,
+    nets: dict[str, list[int]],
+    device: torch.device,
+) -> Model:
     kwargs = {"net_arch": nets, "activation_fn": _ACTIVATIONS[baseline.activation]}
     if isinstance(baseline, OffPolicy):
-        return off_policy.build(config, baseline, env, kwargs)
+        return off_policy.build(config, baseline, env, kwargs, device)
     if isinstance(baseline, A2c):
         return _A2c(
             "MlpPolicy",
@@ -146,7 +156,7 @@ def optimizers(model: Model) -> dict[str, torch.optim.Optimizer]:
 def export_policy(model: Model, env: VecNormalize, config: TrainConfig) -> Policy:
     """The actor with its normaliser."""
     layers = tuple(
-        (part.weight.detach().numpy().copy(), part.bias.detach().numpy().copy())
+        (part.weight.detach().cpu().numpy().copy(), part.bias.detach().cpu().numpy().copy())
         for part in actor_layers(model)
     )
     statistics = observation_statistics(env)

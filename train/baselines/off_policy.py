@@ -13,6 +13,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import Tensor, nn
 
+from kinemimic.train.baselines.cuda_graph import GraphedTraining
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.baseline_config import OffPolicy, Sac, Td3
 from kinemimic.train.config.config import TrainConfig
@@ -31,20 +32,24 @@ class SeparateRates:
         """Does nothing: stable-baselines3 would set its single rate for actor and critic."""
 
 
-class _Ddpg(SeparateRates, DDPG):
+class _Ddpg(SeparateRates, GraphedTraining, DDPG):
     pass
 
 
-class _Td3(SeparateRates, TD3):
+class _Td3(SeparateRates, GraphedTraining, TD3):
     pass
 
 
-class _Sac(SeparateRates, SAC):
+class _Sac(SeparateRates, GraphedTraining, SAC):
     pass
 
 
 def build(
-    config: TrainConfig, baseline: OffPolicy, env: VecNormalize, networks: dict[str, Any]
+    config: TrainConfig,
+    baseline: OffPolicy,
+    env: VecNormalize,
+    networks: dict[str, Any],
+    device: torch.device,
 ) -> OffPolicyModel:
     """The untrained algorithm; networks: stable-baselines3's `policy_kwargs`."""
     options: dict[str, Any] = {
@@ -59,7 +64,7 @@ def build(
         "replay_buffer_class": RescalingReplayBuffer,
         "replay_buffer_kwargs": {"terms": len(config.env.reward.weights)},
         "policy_kwargs": networks,
-        "device": "cpu",
+        "device": device,
     }
     if isinstance(baseline, Sac):
         model = _Sac(
@@ -72,7 +77,7 @@ def build(
         _start_small(actor_layers(model)[-1])
         assert isinstance(model.actor.log_std, nn.Linear)  # noqa: S101 (narrows the type)
         _start_small(model.actor.log_std, math.log(config.action_std[0][1] / baseline.bound))
-        return model
+        return _graphable(model)
     if isinstance(baseline, Td3):
         options |= {
             "policy_delay": baseline.policy_delay,
@@ -83,7 +88,16 @@ def build(
     deterministic = kind("MlpPolicy", env, **options)
     _start_small(actor_layers(deterministic)[-1])
     deterministic.actor_target.load_state_dict(deterministic.actor.state_dict())
-    return deterministic
+    return _graphable(deterministic)
+
+
+def _graphable(model: OffPolicyModel) -> OffPolicyModel:
+    """The model; on a GPU, with optimisers that a CUDA graph can record (`cuda_graph.py`)."""
+    if model.device.type == "cuda":
+        for optimizer in optimizers(model).values():
+            for group in optimizer.param_groups:
+                group.update(capturable=True, fused=True)
+    return model
 
 
 def _start_small(layer: nn.Linear, bias: float = 0.0) -> None:
@@ -125,7 +139,7 @@ def set_exploration(model: OffPolicyModel, action_std: float, bound: float) -> f
     if isinstance(model, SAC):
         with torch.no_grad():
             _, logarithms, _ = model.actor.get_action_dist_params(
-                torch.zeros(1, *model.observation_space.shape or ())
+                torch.zeros(1, *model.observation_space.shape or (), device=model.device)
             )
         return bound * float(logarithms.exp().mean())
     # Relative to the bound, like the actor's tanh.
@@ -159,8 +173,8 @@ def critic_errors(model: OffPolicyModel, count: int) -> tuple[NDArray[np.float32
             (logarithm,) = entropy_weight(model).values()
             bonus = -logarithm.exp() * log_likelihood[:, None]
         else:
-            actions, bonus = model.actor_target(following), torch.zeros(1)
+            actions, bonus = model.actor_target(following), torch.zeros(1, device=model.device)
         values = torch.cat(model.critic_target(following, actions), dim=1).min(dim=1, keepdim=True).values
         target = batch.rewards + (1.0 - batch.dones) * model.gamma * (values + bonus)
         errors = torch.cat(model.critic(batch.observations, batch.actions), dim=1) - target
-    return errors.T.reshape(-1).numpy(), target.numpy()[:, 0]
+    return errors.T.reshape(-1).cpu().numpy(), target[:, 0].cpu().numpy()

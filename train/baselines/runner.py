@@ -29,6 +29,7 @@ from kinemimic.train.baselines.off_policy import OffPolicyModel, critic_errors, 
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.config.env_config import RewardConfig
+from kinemimic.train.ppo.mlp import CPU
 from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
@@ -81,10 +82,12 @@ class GlobalRandomState:
 class BaselineAlgorithm:
     """`Algorithm` (train/runner/base.py) of stable-baselines3, which owns its environments.
 
-    threads: of the native engine.
+    threads: of the native engine; device: see `build_model`.
     """
 
-    def __init__(self, config: TrainConfig, motion: Motion, engine: str, threads: int) -> None:
+    def __init__(
+        self, config: TrainConfig, motion: Motion, engine: str, threads: int, device: torch.device = CPU
+    ) -> None:
         self.config = config
         self.progress = TrainingProgress()
         seeds = np.random.SeedSequence(config.seed).spawn(config.num_envs)
@@ -92,7 +95,7 @@ class BaselineAlgorithm:
         self.normalizer = with_normalization(self.env)
         self.random = GlobalRandomState(config.seed)
         with self.random.installed():
-            self.model = build_model(config, self.normalizer)
+            self.model = build_model(config, self.normalizer, device)
         self.model.set_logger(Logger(None, []))
 
     @property
@@ -107,7 +110,10 @@ class BaselineAlgorithm:
     def record_extras(self) -> dict[str, Any]:
         if not isinstance(self.model, OffPolicyModel):
             return {}
-        return {"gradient_steps_per_sample": round(self.model._n_updates / max(1, self.progress.samples), 4)}
+        steps = round(self.model._n_updates / max(1, self.progress.samples), 4)
+        device = self.model.device
+        where = {} if device == CPU else {"device": torch.cuda.get_device_name(device)}
+        return {"gradient_steps_per_sample": steps, **where}
 
     def tensors(self) -> dict[str, Tensor]:
         tensors = {_POLICY + name: value for name, value in self.model.policy.state_dict().items()}
@@ -124,7 +130,7 @@ class BaselineAlgorithm:
             tensors |= entropy_weight(self.model)
         if self.memory is not None:
             tensors |= {MEMORY + name: value for name, value in self.memory.tensors().items()}
-        return tensors
+        return {name: value.cpu() for name, value in tensors.items()}
 
     def record(self) -> dict[str, Any]:
         return {
@@ -231,6 +237,9 @@ class BaselineRunner:
             algorithm.memory.set_reward(config.reward(state.samples))
         self._timer.lap(ROLLOUT)
         with algorithm.random.installed():
+            if model.device != CPU:
+                # Where SAC's actor draws; its generator is in no checkpoint.
+                torch.cuda.manual_seed(int(torch.randint(2**62, ())))
             model.learn(config.batch, monitor, reset_num_timesteps=False)
             if isinstance(model, OffPolicyModel):
                 errors, targets = critic_errors(model, _CRITIC_SAMPLES)

@@ -27,6 +27,7 @@ from kinemimic.train.rollout.policy import POLICY, Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
+from kinemimic.train.runner.device import device_named, device_option
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
@@ -36,7 +37,6 @@ from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.runner import TrackerAlgorithm, TrackerRunner, TrackerWorkers
 from kinemimic.train.tracker.tables import reference_tables
 
-DEVICES = ("cpu", "cuda")
 EVALUATED = 64  # motions of the split "train"
 
 
@@ -75,7 +75,7 @@ def train_tracker(
     KinemimicError without a motion to train on or without that GPU, and for a checkpoint of another library
     or other settings.
     """
-    updated_on = _device(device)
+    updated_on = device_named(device)
     config = replace(config or TRACKER_PRESETS[preset](), seed=seed)
     if budget is not None:
         config = replace(config, budget=budget)
@@ -100,17 +100,6 @@ def _from(start: str, config: TrainConfig) -> tuple[_Beginning, TrainConfig]:
         )
     begin = _Beginning(policy, record["samples"])
     return begin, replace(config, start=file_hash(path), actor_rate=START_RATE)
-
-
-def _device(name: str) -> torch.device:
-    if name not in DEVICES:
-        raise KinemimicError(f"expected a device among {', '.join(DEVICES)}, found {name!r}")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise KinemimicError(
-            f"--device cuda: expected a GPU that PyTorch can use, found none with torch {torch.__version__}; "
-            "install a build of torch for CUDA, or update on the CPU (--device cpu)"
-        )
-    return torch.device(name)
 
 
 def _train(
@@ -184,8 +173,7 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
 @click.option("--budget", type=samples, help="Samples (control steps) in total. Default: the preset's.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
 @seed_option()
-@click.option("--device", type=click.Choice(DEVICES), default="cpu", show_default=True,
-              help="Where the networks are updated; with cuda, results differ by rounding.")  # fmt: skip
+@device_option("the networks")
 @engine_option
 @workers_option
 @ray_option

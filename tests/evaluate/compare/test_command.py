@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 from click.testing import CliRunner
 from peers.inline_workers import InlineWorkers
 from peers.small_training import ROUND, SMALL
@@ -250,6 +251,7 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--hidden=ddpg=8"], "--hidden: expected some of default, found 'ddpg'"),
         (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
         (["a/walk", "b/walk"], "found walk, walk"),
+        (["nowhere", "--ray", "--device=cuda"], "--device: expected cpu with --ray"),
     ],
 )
 def test_what_is_wrong_is_one_line(
@@ -261,6 +263,16 @@ def test_what_is_wrong_is_one_line(
     assert ended.exit_code != 0
     assert message in (str(ended.exception) if isinstance(ended.exception, KinemimicError) else ended.output)
     assert not Path("runs").exists()
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_refused_before_anything_is_written(
+    fresh: Callable[[str], Path], tmp_path: Path
+) -> None:
+    task, out = Task(fresh("walk")), tmp_path / "out"
+    with pytest.raises(KinemimicError, match=r"--device cuda: expected a GPU .* found none"):
+        compare([task], {"sac": PRESETS["sac"]}, seeds=1, budgets=(ROUND,), out=out, device="cuda")
+    assert not out.exists()
 
 
 def test_budgets_increase() -> None:

@@ -16,6 +16,7 @@ import pytest
 import torch
 from msgspec import structs
 from peers.killing import without_clock
+from peers.small_baselines import BUDGET, ROUND, small
 from safetensors.numpy import load_file
 from stable_baselines3 import DDPG
 
@@ -30,7 +31,7 @@ from kinemimic.train.baselines.model import actor_layers
 from kinemimic.train.baselines.off_policy import OffPolicyModel, critic_errors, entropy_weight
 from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner
 from kinemimic.train.config import baseline_config as rival_config
-from kinemimic.train.config.baseline_config import A2c, Ddpg, OffPolicy, StablePpo
+from kinemimic.train.config.baseline_config import A2c, Ddpg, OffPolicy
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout import evaluation as trial
@@ -41,28 +42,6 @@ from kinemimic.train.runner.checkpoint import CHECKPOINT
 from kinemimic.train.task.timer import Timer
 
 RIVALS = [name for name, config in PRESETS.items() if config.baseline]
-# Short episodes, so that many end by time and by falls.
-ENV = replace(PRESETS["default"].env, episode=11)
-
-
-ROUND = 4 * 16
-BUDGET = 6 * ROUND
-
-
-def small(name: str) -> TrainConfig:
-    # With rewards that change all along.
-    scales = {"pose": ((0, 8.0), (BUDGET, 64.0))}
-    config = replace(
-        PRESETS[name], env=ENV, num_envs=4, horizon=16, hidden=(32, 16), scales=scales, budget=BUDGET
-    )
-    if isinstance(config.baseline, OffPolicy):
-        # Its memory is full after four rounds and a half.
-        return replace(
-            config, baseline=structs.replace(config.baseline, batch=16, warm_up=ROUND, buffer=4 * 72)
-        )
-    if isinstance(config.baseline, StablePpo):
-        return replace(config, baseline=structs.replace(config.baseline, batch=32))
-    return config
 
 
 @pytest.fixture

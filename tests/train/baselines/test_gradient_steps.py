@@ -1,0 +1,69 @@
+"""Our gradient steps for a GPU, against stable-baselines3's own on a CPU."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from peers.small_baselines import ROUND, small
+from stable_baselines3 import SAC, TD3
+
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.baselines.cuda_graph import draw, steps
+from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner
+from kinemimic.train.task.timer import Timer
+
+STEPS, BATCH = 5, 32
+
+
+def warmed_up(name: str, motion: Motion) -> BaselineAlgorithm:
+    """An algorithm with a round of samples, and with some updates behind it."""
+    algorithm = BaselineAlgorithm(small(name), motion, "pybullet", 1)
+    runner = BaselineRunner(algorithm, Timer())
+    runner.start(None)
+    for _ in range(2):
+        runner.round()
+    assert algorithm.progress.samples == 2 * ROUND
+    return algorithm
+
+
+@pytest.mark.parametrize("name", ["sac", "td3", "ddpg"])
+def test_they_come_to_the_weights_of_stable_baselines3(name: str, motion: Motion) -> None:
+    theirs, ours = (warmed_up(name, motion).model for _ in range(2))
+    assert isinstance(ours, SAC | TD3)
+    assert isinstance(theirs, SAC | TD3)
+    before = {key: value.clone() for key, value in ours.policy.state_dict().items()}
+    for call in range(2):
+        np.random.seed(call)  # noqa: NPY002 (stable-baselines3 draws from it)
+        torch.manual_seed(call)
+        theirs.train(STEPS, BATCH)
+        np.random.seed(call)  # noqa: NPY002
+        torch.manual_seed(call)
+        first = 0 if isinstance(ours, SAC) else ours._n_updates % ours.policy_delay
+        steps(ours, [draw(ours, BATCH) for _ in range(STEPS)], first)
+        ours._n_updates += STEPS
+    for key, wanted in theirs.policy.state_dict().items():
+        found = ours.policy.state_dict()[key]
+        torch.testing.assert_close(found, wanted, rtol=1e-4, atol=2e-6, msg=key)
+        assert not torch.equal(found, before[key]), key
+    if isinstance(ours, SAC):
+        assert isinstance(theirs, SAC)
+        assert ours.log_ent_coef is not None
+        torch.testing.assert_close(ours.log_ent_coef, theirs.log_ent_coef)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that PyTorch can use")
+@pytest.mark.parametrize("name", ["sac", "td3", "ddpg"])
+def test_on_a_gpu_they_come_to_almost_the_same_weights(name: str, motion: Motion) -> None:
+    cpu, gpu = warmed_up(name, motion), warmed_up(name, motion)
+    moved = BaselineAlgorithm(small(name), motion, "pybullet", 1, torch.device("cuda"))
+    moved.restore(gpu.tensors(), gpu.record())
+    for call in range(4):  # without a graph, with a new one, and with that one again
+        for model in (cpu.model, moved.model):
+            assert isinstance(model, SAC | TD3)
+            np.random.seed(call)  # noqa: NPY002 (stable-baselines3 draws from it)
+            torch.manual_seed(call)
+            model.train(4, BATCH)
+    for key, wanted in cpu.model.policy.state_dict().items():
+        found = moved.model.policy.state_dict()[key].cpu()
+        torch.testing.assert_close(found, wanted, rtol=1e-3, atol=2e-5, msg=key)
