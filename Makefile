@@ -140,7 +140,7 @@ study: setup ## Repeat the paper's experiments with the policies of `make compar
 # (docs/results-paper.md); DDPG on the walk alone, where a seed takes more than an hour of one core.
 COMPARED := --seeds 3 --budgets 3e5,1e6 --out runs/comparison --publish datasets/comparison
 comparison: setup ## Train the policies that `study` compares (hours), into datasets/comparison (ENGINE=)
-	$(KINEMIMIC) compare datasets/policies/walk --preset ddpg --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
+	$(KINEMIMIC) compare datasets/policies/walk --preset ddpg --preset td3 --preset sac --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
 	$(KINEMIMIC) compare datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles --preset default --preset a2c --preset sb3-ppo --hidden 256,128 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## Draw the skeleton into CAPTURE=, a video or a depth recording's folder: RUN=/overlay.webm

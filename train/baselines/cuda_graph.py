@@ -30,13 +30,13 @@ class GraphedSteps:
 
     def run(self, count: int, size: int) -> None:
         """`count` gradient steps, each on `size` samples of the replay buffer."""
-        drawn = [draw(self._model, size) for _ in range(count)]
+        model = self._model
+        drawn = [draw(model, size) for _ in range(count)]
         if len(self._batches) != count:
             self._batches, self._graphs = drawn, {}
         for batch, new in zip(self._batches, drawn, strict=True):
             for part in fields(Minibatch):
                 getattr(batch, part.name).copy_(getattr(new, part.name))
-        model = self._model
         first = 0 if isinstance(model, SAC) else model._n_updates % model.policy_delay
         if not self._warm:
             # Not recorded: the first steps create what a graph must find, the state of the optimisers and
@@ -44,14 +44,16 @@ class GraphedSteps:
             stream = torch.cuda.Stream()  # type: ignore[no-untyped-call]
             stream.wait_stream(torch.cuda.current_stream())
             with torch.cuda.stream(stream):
-                steps(self._model, self._batches, first)
+                steps(model, self._batches, first)
             torch.cuda.current_stream().wait_stream(stream)
-            self._warm = True
+            # A graph that created the state of an optimiser would zero it in every replay; the actor's comes
+            # last, as its steps may be delayed.
+            self._warm = bool(model.actor.optimizer.state)
         else:
             if (count, first) not in self._graphs:
                 self._graphs[count, first] = self._recorded(first)
             self._graphs[count, first].replay()
-        self._model._n_updates += count
+        model._n_updates += count
 
     def _recorded(self, first: int) -> torch.cuda.CUDAGraph:
         graph = torch.cuda.CUDAGraph()
