@@ -10,13 +10,16 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import DDPG, SAC, TD3
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import Tensor, nn
 
-from kinemimic.train.baselines.cuda_graph import GraphedTraining
+from kinemimic.train.baselines.cuda_graph import GraphedSteps
+from kinemimic.train.baselines.gradient_steps import draw, steps, steps_since_actor
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.baseline_config import OffPolicy, Sac, Td3
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.ppo.mlp import CPU
 from kinemimic.train.task.env import ACTIONS
 
 OffPolicyModel = TD3 | SAC  # DDPG is a TD3 there
@@ -32,15 +35,32 @@ class SeparateRates:
         """Does nothing: stable-baselines3 would set its single rate for actor and critic."""
 
 
-class _Ddpg(SeparateRates, GraphedTraining, DDPG):
+class OwnSteps(OffPolicyAlgorithm):
+    """Our gradient steps in place of stable-baselines3's; on a GPU, a CUDA graph of them."""
+
+    _graphed: GraphedSteps | None = None
+
+    def train(self, gradient_steps: int, batch_size: int = 256) -> None:
+        """`gradient_steps` steps, each on `batch_size` samples."""
+        assert isinstance(self, OffPolicyModel)  # noqa: S101 (mixed into those)
+        if self.device == CPU:
+            for number in range(gradient_steps):
+                steps(self, [draw(self, batch_size)], steps_since_actor(self) + number)
+        else:
+            self._graphed = self._graphed or GraphedSteps(self)
+            self._graphed.run(gradient_steps, batch_size)
+        self._n_updates += gradient_steps
+
+
+class _Ddpg(SeparateRates, OwnSteps, DDPG):
     pass
 
 
-class _Td3(SeparateRates, GraphedTraining, TD3):
+class _Td3(SeparateRates, OwnSteps, TD3):
     pass
 
 
-class _Sac(SeparateRates, GraphedTraining, SAC):
+class _Sac(SeparateRates, OwnSteps, SAC):
     pass
 
 
@@ -77,7 +97,7 @@ def build(
         _start_small(actor_layers(model)[-1])
         assert isinstance(model.actor.log_std, nn.Linear)  # noqa: S101 (narrows the type)
         _start_small(model.actor.log_std, math.log(config.action_std[0][1] / baseline.bound))
-        return _graphable(model)
+        return _fused(model)
     if isinstance(baseline, Td3):
         options |= {
             "policy_delay": baseline.policy_delay,
@@ -88,15 +108,14 @@ def build(
     deterministic = kind("MlpPolicy", env, **options)
     _start_small(actor_layers(deterministic)[-1])
     deterministic.actor_target.load_state_dict(deterministic.actor.state_dict())
-    return _graphable(deterministic)
+    return _fused(deterministic)
 
 
-def _graphable(model: OffPolicyModel) -> OffPolicyModel:
-    """The model; on a GPU, with optimisers that a CUDA graph can record (`cuda_graph.py`)."""
-    if model.device.type == "cuda":
-        for optimizer in optimizers(model).values():
-            for group in optimizer.param_groups:
-                group.update(capturable=True, fused=True)
+def _fused(model: OffPolicyModel) -> OffPolicyModel:
+    """The model with optimisers that update all weights in one pass; on a GPU, a graph can record it."""
+    for optimizer in optimizers(model).values():
+        for group in optimizer.param_groups:
+            group.update(fused=True, capturable=model.device != CPU)
     return model
 
 
