@@ -43,6 +43,7 @@ def build_model(config: TrainConfig, env: VecNormalize, device: torch.device = C
     """
     if config.baseline is None:
         raise ValueError("expected a configuration with a baseline, found none")
+    device = device if isinstance(config.baseline, OffPolicy) else CPU
     choose_gradient_dtype(device)
     hidden = list(config.hidden)
     networks = {"pi": hidden, "qf" if config.bound else "vf": hidden}

@@ -35,7 +35,7 @@ class SeparateRates:
         """Does nothing: stable-baselines3 would set its single rate for actor and critic."""
 
 
-class OwnSteps(OffPolicyAlgorithm):
+class _OwnSteps(OffPolicyAlgorithm):
     """Our gradient steps in place of stable-baselines3's; on a GPU, a CUDA graph of them."""
 
     _graphed: GraphedSteps | None = None
@@ -52,15 +52,15 @@ class OwnSteps(OffPolicyAlgorithm):
         self._n_updates += gradient_steps
 
 
-class _Ddpg(SeparateRates, OwnSteps, DDPG):
+class _Ddpg(SeparateRates, _OwnSteps, DDPG):
     pass
 
 
-class _Td3(SeparateRates, OwnSteps, TD3):
+class _Td3(SeparateRates, _OwnSteps, TD3):
     pass
 
 
-class _Sac(SeparateRates, OwnSteps, SAC):
+class _Sac(SeparateRates, _OwnSteps, SAC):
     pass
 
 
