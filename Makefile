@@ -136,8 +136,8 @@ compare: setup ## Train and score the tasks RUNS= (or RUN=; RUN@SCENARIO): media
 study: setup ## Repeat the paper's experiments with the policies of `make comparison`: runs/study/study.html (TRIALS= ENGINE=)
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-# Our PPO and that of stable-baselines3, actor-critic and DDPG, each with the layers with which it does best
-# (docs/results-paper.md); DDPG on the walk alone, where a seed takes more than an hour of one core.
+# Our PPO and that of stable-baselines3, A2C, DDPG, TD3 and SAC, each with the layers with which it does best
+# (docs/results-paper.md); the last three on the walk alone, where a seed takes up to an hour of one core.
 COMPARED := --seeds 3 --budgets 3e5,1e6 --out runs/comparison --publish datasets/comparison
 comparison: setup ## Train the policies that `study` compares (hours), into datasets/comparison (ENGINE=)
 	$(KINEMIMIC) compare datasets/policies/walk --preset ddpg --preset td3 --preset sac --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")

@@ -18,10 +18,11 @@ from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.baseline_config import require_package
+from kinemimic.train.config.baseline_config import OffPolicy, require_package
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.learning_control.corrector import Corrector
 from kinemimic.train.options import training_options
+from kinemimic.train.ppo.mlp import CPU
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.recovery.learning import learn_recoveries
@@ -134,6 +135,8 @@ def _train(
 ) -> dict[str, Any]:
     """Train on `where` with `count` workers; the other arguments as in `train`."""
     config = settings.config
+    if device != CPU and not isinstance(config.baseline, OffPolicy):
+        raise KinemimicError(f"device: expected cpu for the preset {config.preset}, found {device.type}")
     if config.baseline is not None:
         require_package()
         if not where.shares_disk:

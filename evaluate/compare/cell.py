@@ -52,7 +52,7 @@ class Cell:
 def finished_results(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | None:
     """policy.json and scores.json of a finished budget, or None if it is not finished.
 
-    KinemimicError if the results belong to another motion, engine or configuration.
+    KinemimicError if the results belong to another motion, engine, device or configuration.
     """
     path = cell.folder / f"scores-{budget}.json"
     if not path.exists():
@@ -62,6 +62,7 @@ def finished_results(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str,
     wanted, found = ({**config, "budget": None} for config in (cell.config.to_json(), record["config"]))
     _expect(cell, "settings", json.loads(json.dumps(wanted)) == found)
     _expect(cell, "engine", record["engine"] == cell.engine)
+    _expect(cell, "device", ("device" in record) == (cell.device != "cpu"))
     return record, scores
 
 

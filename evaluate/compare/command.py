@@ -31,7 +31,7 @@ from kinemimic.pipeline.parallel.cluster import cluster
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.baseline_config import require_package
+from kinemimic.train.config.baseline_config import OffPolicy, require_package
 from kinemimic.train.config.budget import samples
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
@@ -62,14 +62,15 @@ def compare(
     scored; limits: variant -> its last budget, to end it early; jobs: cells in parallel, sharing the cores
     (default: one per core); ray: train on a Ray cluster, one cell per core: its address, or "local" to start
     Ray on this machine. A cell whose node is lost is trained again from the state that this machine has.
-    device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU.
+    device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU, others on the CPU.
     Finished results are kept and interrupted training runs resume. A cell that fails is listed under
     `failed`; the others continue.
     """
     engine = resolve(engine)
     if device != DEVICES[0]:
-        device_named(device)
-    jobs = jobs or len(sched_getaffinity(0))
+        _require_gpu(device, variants, ray)
+    cores = len(sched_getaffinity(0))
+    jobs = jobs or cores
     motions = {task.name: task.motion for task in tasks}
     if len(motions) < len(tasks):
         raise KinemimicError(
@@ -79,7 +80,9 @@ def compare(
     cells = [
         Cell(task.run, motions[task.name].identity, task.name, variant,
              replace(task.configured(config), seed=seed), scored_at[variant], out, engine, anyway,
-             workers=max(1, len(sched_getaffinity(0)) // jobs), device=device)
+             # A policy of our PPO depends on the number of workers, a baseline's does not.
+             workers=1 if config.baseline is None or ray is not None else max(1, cores // jobs),
+             device=device if isinstance(config.baseline, OffPolicy) else DEVICES[0])
         for seed in range(seeds)
         for variant, config in variants.items()
         for task in tasks
@@ -102,6 +105,15 @@ def compare(
             ledger.write()
             raise KeyboardInterrupt(f"{out}: run the same command again to resume") from None
         return ledger.write()
+
+
+def _require_gpu(device: str, variants: Mapping[str, TrainConfig], ray: str | None) -> None:
+    """KinemimicError if no variant would be updated on a GPU, or there is none."""
+    if ray is not None:
+        raise KinemimicError("--device: expected cpu with --ray, which gives each training run one core")
+    if not any(isinstance(config.baseline, OffPolicy) for config in variants.values()):
+        raise KinemimicError(f"--device {device}: expected DDPG, TD3 or SAC, found {', '.join(variants)}")
+    device_named(device)
 
 
 def _budgets_of(
@@ -232,7 +244,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="Hidden layers of all variants, such as 128,64, or of one; repeatable.")  # fmt: skip
 @jobs_option("Parallel training runs.")
 @out_option("Output folder.", Path("runs/compare"))
-@device_option("the networks of DDPG, TD3 and SAC")
+@device_option("Where the networks of DDPG, TD3 and SAC are updated; with cuda, SAC draws other actions.")
 @ray_option
 @engine_option
 @click.option("--anyway", is_flag=True, help="Also train on motions that the check before training refuses.")
@@ -269,8 +281,6 @@ def command(
     """
     if ray is not None and jobs is not None:
         raise click.UsageError("--jobs: expected none with --ray, which uses every core of the cluster")
-    if ray is not None and device != DEVICES[0]:
-        raise click.UsageError("--device: expected cpu with --ray, which gives each training run one core")
     if hidden and ablated:
         raise click.UsageError("--hidden: expected no --ablation, which varies the layers itself")
     variants = _with_layers(_variants(presets, searched, only, ablated=ablated), hidden)

@@ -1,4 +1,4 @@
-"""Gradient steps on a GPU: those of one control step are one CUDA graph.
+"""Gradient steps on a GPU: those of one update are one CUDA graph.
 
 The layers are so small that a GPU would wait for the launch of each of some 200 operations in a step; a graph
 launches all operations of all steps at once.
@@ -15,7 +15,10 @@ from kinemimic.train.baselines.gradient_steps import Minibatch, draw, steps, ste
 
 
 class GraphedSteps:
-    """The gradient steps of a model on a GPU; the optimisers must be `capturable`."""
+    """The gradient steps of a model on a GPU; its optimisers must be `capturable`.
+
+    A graph keeps the rates and the addresses of the state from its recording: restore the model before.
+    """
 
     def __init__(self, model: SAC | TD3) -> None:
         self._model = model
@@ -35,8 +38,8 @@ class GraphedSteps:
                 getattr(batch, part.name).copy_(getattr(new, part.name))
         first = steps_since_actor(model)
         if not self._warm:
-            # Not recorded: the first steps create what a graph must find, the state of the optimisers and
-            # the workspace of matrix products. Recording requires that they run on another stream.
+            # Not recorded: the first steps create the state of the optimisers. They must run on a stream of
+            # their own if others are to be recorded.
             stream = torch.cuda.Stream()  # type: ignore[no-untyped-call]
             stream.wait_stream(torch.cuda.current_stream())
             with torch.cuda.stream(stream):

@@ -1,8 +1,8 @@
-"""Gradient steps of DDPG, TD3 and SAC on stable-baselines3's networks, a third faster than its own.
+"""Gradient steps of DDPG, TD3 and SAC on stable-baselines3's networks, faster than its own.
 
-The steps draw nothing and read no loss back, so that a CUDA graph can record them (`cuda_graph.py`), and the
-loss of an actor gives no gradients of its critics' weights. The arithmetic is stable-baselines3's, with the
-same draws in the same order: the weights are equal up to rounding.
+The steps draw no random numbers and never wait for a loss, so a CUDA graph can record them (`cuda_graph.py`).
+The actor's loss is not differentiated with respect to the critics' weights. The arithmetic is
+stable-baselines3's, with the same draws in the same order: a step gives the same weights up to rounding.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 
 @dataclass(frozen=True)
 class Minibatch:
-    """N samples of the replay buffer: observations, next_observations (N, O), normalised; actions (N, 42) of
-    the actor's tanh; dones, rewards (N, 1); noise (D, N, 42): standard normal, D draws per action."""
+    """N samples of the replay buffer: observations, next_observations (N, O), normalised; actions (N, 42) in
+    [-1, 1], before the bound; dones, rewards (N, 1); noise (D, N, 42): standard normal, D draws per action."""
 
     observations: Tensor
     actions: Tensor

@@ -14,6 +14,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import Tensor, nn
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.baselines.cuda_graph import GraphedSteps
 from kinemimic.train.baselines.gradient_steps import draw, steps, steps_since_actor
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
@@ -48,7 +49,12 @@ class _OwnSteps(OffPolicyAlgorithm):
                 steps(self, [draw(self, batch_size)], steps_since_actor(self) + number)
         else:
             self._graphed = self._graphed or GraphedSteps(self)
-            self._graphed.run(gradient_steps, batch_size)
+            try:
+                self._graphed.run(gradient_steps, batch_size)
+            except torch.OutOfMemoryError:
+                raise KinemimicError(
+                    "--device cuda: expected enough memory on the GPU, found none left; use fewer --jobs"
+                ) from None
         self._n_updates += gradient_steps
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from torch import Tensor
@@ -189,7 +190,7 @@ class _RolloutMonitor(BaseCallback):
 
 def check_finite(networks: torch.nn.Module) -> None:
     """FloatingPointError if a weight is infinite or NaN."""
-    if not all(bool(torch.isfinite(weights).all()) for weights in networks.parameters()):
+    if not torch.stack([torch.isfinite(weights).all() for weights in networks.parameters()]).all():
         raise FloatingPointError("the policy or its value became infinite or NaN")
 
 
@@ -237,8 +238,8 @@ class BaselineRunner:
             algorithm.memory.set_reward(config.reward(state.samples))
         self._timer.lap(ROLLOUT)
         with algorithm.random.installed():
-            if model.device != CPU:
-                # Where SAC's actor draws; its generator is in no checkpoint.
+            if isinstance(model, SAC) and model.device != CPU:
+                # Its actor draws there, from a generator that is in no checkpoint.
                 torch.cuda.manual_seed(int(torch.randint(2**62, ())))
             model.learn(config.batch, monitor, reset_num_timesteps=False)
             if isinstance(model, OffPolicyModel):

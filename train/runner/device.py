@@ -30,12 +30,12 @@ def device_named(name: str) -> torch.device:
     return torch.device(name)
 
 
-def device_option(updated: str) -> Callable[[_Command], _Command]:
-    """The option --device; updated: what is updated there."""
+def device_option(purpose: str) -> Callable[[_Command], _Command]:
+    """The option --device; purpose: its help."""
     return click.option(
         "--device",
         type=click.Choice(DEVICES),
         default=DEVICES[0],
         show_default=True,
-        help=f"Where {updated} are updated; with cuda, results differ by rounding.",
+        help=purpose,
     )

@@ -173,7 +173,7 @@ def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
 @click.option("--budget", type=samples, help="Samples (control steps) in total. Default: the preset's.")
 @click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
 @seed_option()
-@device_option("the networks")
+@device_option("Where the networks are updated; with cuda, results differ by rounding.")
 @engine_option
 @workers_option
 @ray_option

@@ -251,7 +251,8 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--hidden=ddpg=8"], "--hidden: expected some of default, found 'ddpg'"),
         (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
         (["a/walk", "b/walk"], "found walk, walk"),
-        (["nowhere", "--ray", "--device=cuda"], "--device: expected cpu with --ray"),
+        (["a/walk", "--ray", "--device=cuda"], "--device: expected cpu with --ray"),
+        (["a/walk", "--device=cuda"], "--device cuda: expected DDPG, TD3 or SAC, found default"),
     ],
 )
 def test_what_is_wrong_is_one_line(
