@@ -22,7 +22,7 @@ _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 @dataclass(frozen=True)
 class Minibatch:
     """N samples of the replay buffer: observations, next_observations (N, O), normalised; actions (N, 42) in
-    [-1, 1], before the bound; dones, rewards (N, 1); noise (D, N, 42): standard normal, D draws per action."""
+    [-1, 1], before the bound; dones, rewards (N, 1); noise (D, N, 42): standard normal, D draws each."""
 
     observations: Tensor
     actions: Tensor
