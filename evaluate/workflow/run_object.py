@@ -122,6 +122,7 @@ class Run:
         start: str | None = None,
         config: TrainConfig | None = None,
         ray: str | None = None,
+        device: str = "cpu",
     ) -> dict[str, Any]:
         """Train a policy on the motion; returns the policy's record. Arguments: see `train/command.py`.
 
@@ -143,6 +144,7 @@ class Run:
             start=start,
             config=config,
             ray=ray,
+            device=device,
         )
 
     def evaluate(self, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
