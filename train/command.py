@@ -87,7 +87,8 @@ def train(
     given, replace those in it.
     ray: simulate on a Ray cluster: its address, or "local" to start Ray on this machine; by default one
     worker per core of it. The policy is bit for bit that of as many local processes.
-    device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU, whose rounding differs from the CPU's.
+    device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU. Its rounding differs from the CPU's,
+    and SAC draws other actions there.
     """
     if config is not None and start is not None:
         raise KinemimicError("train: expected config or start, found both; start has settings of its own")

@@ -203,11 +203,12 @@ _OTHER_MACHINE = "measured on another machine; the paper does not say what it ti
 def _times(times: Row) -> Iterator[Claim]:
     how = (
         "processor time of one gradient step of actor and critic, the paper's networks, one thread. PPO is "
-        "ours, with hand-written gradients; DDPG is stable-baselines3's and includes sampling its batch from "
-        "the replay buffer and normalising it"
+        "ours, with hand-written gradients; DDPG has stable-baselines3's networks and our steps, which "
+        "include sampling the batch from the replay buffer and normalising it"
     )
     faster = (
-        "the same for stable-baselines3's PPO and DDPG. Leads are compared by the ratio of the two times, "
+        "the same for stable-baselines3's PPO and for DDPG with our gradient steps. "
+        "Leads are compared by the ratio of the two times, "
         "because milliseconds depend on the machine"
     )
     net, printed = times["nets"][-1]["algorithms"], times["paper"]

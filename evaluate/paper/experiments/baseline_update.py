@@ -1,4 +1,4 @@
-"""One gradient step of actor and critic on n samples, of stable-baselines3's algorithms."""
+"""One gradient step of actor and critic on n samples, of the baselines."""
 
 from __future__ import annotations
 
