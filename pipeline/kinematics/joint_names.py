@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 # ankle if there is no LeftAnkle, and the foot otherwise; ShoulderLeft is a Kinect's shoulder, but Shoulder_L
 # a clavicle beside UpperArm_L, as Hip_L is a part of the pelvis beside Thigh_L.
 _MIDDLE: dict[str, tuple[str, ...]] = {
-    "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
+    "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "midhip", "hip", "root", "waist"),
     "spine": (
         "spine",
         "spinemid",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -28,6 +29,9 @@ _ADULT_LEG = 0.82
 _AXES = "XYZ"
 # Mean cosine above which an axis of a joint's frame lies along a bone.
 _ALIGNED = 0.9
+# Joints from which the direction to others tells where up is, best first; networks' bodies have no head, and
+# often no pelvis.
+_LOW, _HIGH = ("ankle_{}", "knee_{}", "hip_{}"), ("head", "shoulder_center", "shoulder_{}", "spine")
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ def axes_of(points: Array, names: Sequence[str]) -> Axes:
     unit = _unit(positions, notes)
     up = _up(positions)
     if up is None:
-        notes["up"] = "please check"
+        notes["up"] = "please check: no posture in the file tells it"
         up = np.array([0.0, 1.0, 0.0])
     else:
         notes["up"] = "from the feet to the head"
@@ -122,7 +126,7 @@ def _name(axis: Array) -> str:
 
 
 def _up(positions: dict[str, Array]) -> Array | None:
-    for start, end in (("ankle_{}", "head"), ("knee_{}", "head"), ("hip_center", "shoulder_center")):
+    for start, end in product(_LOW, _HIGH):
         if (direction := _mean(positions, start, end)) is not None and np.abs(direction).max() > 0.7:
             return _axis(direction)
     return None

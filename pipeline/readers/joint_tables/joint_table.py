@@ -27,6 +27,7 @@ from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.description_file import parse
 from kinemimic.pipeline.readers.custom_table.rows import rows_of
 from kinemimic.pipeline.readers.custom_table.suggest import draft
+from kinemimic.pipeline.readers.custom_table.suggest_body import axes_of
 from kinemimic.pipeline.readers.custom_table.suggest_layout import Layout, layout_of
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_of
 from kinemimic.pipeline.readers.custom_table.tree import tree_of
@@ -151,4 +152,5 @@ def _notes(description: Description, layout: Layout, rate: Rate | None) -> list[
         time = f"{which} {rate.hertz:g} Hz{how}"
     else:
         time = f"times in {clock.unit} (column {clock.column})"
-    return [f"joints: {layout.reason}", f"{space.up} points up, from the feet to the head", time]
+    up = axes_of(layout.points, layout.names).notes["up"]
+    return [f"joints: {layout.reason}", f"{space.up} points up, {up}", time]

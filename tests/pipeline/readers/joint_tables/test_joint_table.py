@@ -188,6 +188,20 @@ def test_left_handed_axes_are_told(tmp_path: Path) -> None:
     assert (defect["rule"], defect["action"]) == ("mirrored", "repaired")
 
 
+@pytest.mark.parametrize("points", [POINTS, POINTS * [1, -1, -1], walk(FRAMES).joints])
+def test_up_without_a_head_and_a_pelvis(points: Array, tmp_path: Path) -> None:
+    """As of networks that find joints in pictures; axes that point down are not left-handed ones."""
+    kept = [k for k, name in enumerate(NAMES) if name not in ("Head", "HipCenter", "Spine", "ShoulderCenter")]
+    header = ["Time", *(f"{NAMES[k]}_{axis}" for k in kept for axis in "XYZ")]
+    (tmp_path / "a.csv").write_text(table(header, wide(points[:, kept])))
+    clip = recognise.read(tmp_path / "a.csv")
+    assert clip.provenance["reading"]["defects"] == []
+    found, truth = to_nodes(clip)[0], walk(FRAMES).joints
+    for bone in (("hip_left", "shoulder_left"), ("hip_right", "hip_left"), ("ankle_left", "foot_left")):
+        start, end = (NODE_INDEX[node] for node in bone)
+        assert found[:, end] - found[:, start] == pytest.approx(truth[:, end] - truth[:, start], abs=2e-6)
+
+
 @pytest.mark.parametrize("joints", [20, 25])
 @pytest.mark.parametrize("state", [False, True])
 def test_milliseconds_are_neither_frame_numbers_nor_ticks(joints: int, state: bool, tmp_path: Path) -> None:
@@ -207,6 +221,16 @@ def test_without_a_leg_a_table_is_no_capture(lacking: str, tmp_path: Path) -> No
     (tmp_path / "a.csv").write_text(table(["Time", *(AXES[k] for k in kept)], rows))
     with pytest.raises(CaptureError, match="describe its columns"):
         recognise.read(tmp_path / "a.csv")
+
+
+def test_joints_that_lack_rows(tmp_path: Path) -> None:
+    """Unity's scripts for Kinects leave out joints that are not tracked, and misspell a name."""
+    rows = [row for number, row in enumerate(by_joint()) if row[2] != "HandLeft" or number % 3]
+    header = ["time", "joint", "pos_x", "pos_y", "poz_z"]
+    (tmp_path / "a.csv").write_text(table(header, [[row[0], *row[2:]] for row in rows]))
+    hand = NAMES.index("HandLeft")
+    assert 0.2 < np.mean(recognise.read(tmp_path / "a.csv").states[:, hand] == 0) < 0.5
+    assert len(angles(tmp_path / "a.csv")["knee_left"]) == FRAMES
 
 
 def test_a_damaged_row_is_named(tmp_path: Path) -> None:
