@@ -13,7 +13,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 # "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. A name in the middle may
 # be marked like a side: C_Hips, Neck_M. The order resolves conflicts between conventions: LeftFoot is the
 # ankle if there is no LeftAnkle, and the foot otherwise; ShoulderLeft is a Kinect's shoulder, but Shoulder_L
-# a clavicle beside UpperArm_L, as Hip_L is a part of the pelvis beside Thigh_L.
+# a clavicle beside UpperArm_L, as Hip_L is a part of the pelvis beside Thigh_L. LeftLeg is the shank, or the
+# thigh of a skeleton without another.
 _MIDDLE: dict[str, tuple[str, ...]] = {
     "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "midhip", "hip", "root", "waist"),
     "spine": (
@@ -39,9 +40,11 @@ _MIDDLE: dict[str, tuple[str, ...]] = {
         "lowerneck",
         "necklower",
         "neck01",
+        "neck0",
+        "neck1",
         "necktwist01",
     ),
-    "head": ("headend", "headtip", "head"),
+    "head": ("headend", "headtip", "head", "head1"),
 }
 _SIDED: dict[str, tuple[str, ...]] = {
     "shoulder": (
@@ -57,6 +60,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*shldr",
         "*shldrbend",
         "upperarm01*",
+        "arm*",
         "*shoulder",
         "shoulder*",
     ),
@@ -103,6 +107,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*femur",
         "femur*",
         "hip*",
+        "*leg",
     ),
     "knee": (
         "knee*",

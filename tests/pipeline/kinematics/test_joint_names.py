@@ -74,6 +74,32 @@ for _side in "lr":
         )
         + " "
     )
+# VRChat's avatars, and SOMA of BONES-SEED: the thigh is the leg.
+VRCHAT = "Hips Spine Chest Neck Head "
+SOMA = "Root Hips Spine1 Spine2 Chest Neck1 Neck2 Head "
+for _side in ("Left", "Right"):
+    VRCHAT += " ".join(
+        f"{_side}_{joint}" for joint in ("leg", "knee", "ankle", "toe", "shoulder", "arm", "elbow", "wrist")
+    )
+    SOMA += " ".join(
+        f"{_side}{bone}"
+        for bone in ("Shoulder", "Arm", "ForeArm", "Hand", "HandMiddle1", "Leg", "Shin", "Foot", "ToeBase")
+    )
+    VRCHAT, SOMA = f"{VRCHAT} ", f"{SOMA} "
+CASCADEUR = "pelvis stomach chest neck head "
+for _side in "lr":
+    CASCADEUR += " ".join(
+        f"{bone}_{_side}" for bone in ("thigh", "calf", "foot", "toe", "clavicle", "arm", "forearm", "hand")
+    )
+    CASCADEUR += " "
+# Of Talking With Hands.
+TWH = "body_world b_root b_spine0 b_neck0 b_head "
+for _side in "lr":
+    TWH += " ".join(
+        f"b_{_side}_{bone}"
+        for bone in ("upleg", "leg", "foot", "shoulder", "arm", "arm_twist", "forearm", "wrist")
+    )
+    TWH += " "
 OPENSIM = "pelvis femur_r tibia_r patella_r talus_r calcn_r toes_r femur_l tibia_l patella_l talus_l calcn_l "
 OPENSIM += "toes_l torso humerus_r ulna_r radius_r hand_r humerus_l ulna_l radius_l hand_l"
 
@@ -94,6 +120,10 @@ OPENSIM += "toes_l torso humerus_r ulna_r radius_r hand_r humerus_l ulna_l radiu
         (ASF, "lfemur ltibia lfoot ltoes lhumerus lradius lwrist lhand lowerneck"),
         (MAKEHUMAN, "upperleg01.L lowerleg01.L foot.L toe1-1.L upperarm01.L lowerarm01.L wrist.L - neck01"),
         (DAZ, "lThighBend lShin lFoot lToe lShldrBend lForearmBend lHand - neckLower"),
+        (VRCHAT, "Left_leg Left_knee Left_ankle Left_toe Left_arm Left_elbow Left_wrist - Neck"),
+        (SOMA, "LeftLeg LeftShin LeftFoot LeftToeBase LeftArm LeftForeArm LeftHand LeftHandMiddle1 Neck1"),
+        (CASCADEUR, "thigh_l calf_l foot_l toe_l arm_l forearm_l hand_l - neck"),
+        (TWH, "b_l_upleg b_l_leg b_l_foot - b_l_arm b_l_forearm b_l_wrist - b_neck0"),
         (" ".join(NODES), "hip_left knee_left ankle_left foot_left shoulder_left elbow_left wrist_left "
          "hand_left shoulder_center"),
     ],
@@ -113,7 +143,10 @@ def test_conventions(names: str, expected: str) -> None:
         assert (node in found) == (other in found)
         if node in found:
             name = joints[found[node]]
-            words = (("LEFT", "RIGHT"), ("Left", "Right"), ("left", "right"), ("_L", "_R"), (".L", ".R"))
+            words = (
+                ("LEFT", "RIGHT"), ("Left", "Right"), ("left", "right"), ("_L", "_R"), (".L", ".R"),
+                ("_l", "_r"),
+            )  # fmt: skip
             word = next(
                 (pair for pair in words if pair[0] in name), (name[0], {"L": "R", "l": "r"}.get(name[0]))
             )
