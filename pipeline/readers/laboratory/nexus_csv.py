@@ -27,13 +27,15 @@ from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refu
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.laboratory.nexus_sections import (
+    FIELD,
     MODEL_OUTPUTS,
-    TITLES,
     TRAJECTORIES,
     Item,
     Section,
+    is_components,
     read_section,
     separator_of,
+    title_of,
     titles,
 )
 from kinemimic.pipeline.readers.optical.declared_unit import in_metres, unit_named
@@ -46,10 +48,12 @@ FORMAT = Format(
     name="Vicon Nexus CSV",
     sensor="optical",
     holds="positions of markers; segments and angles of Plug-in-Gait",
-    recognised_by='a first line "Trajectories" or "Model Outputs"',
+    recognised_by='a line "Trajectories" or "Model Outputs" above one of "Frame" or "Field #"',
     width_in_header=True,
     right_handed=True,
 )
+# Lines above the first title in files of older programs.
+_MOST_FACTS = 16
 _MARKER = ("X", "Y", "Z")
 _SEGMENT = ("RX", "RY", "RZ", "TX", "TY", "TZ", "SX", "SY", "SZ")
 # Node -> the segment at whose origin it is, "+" for the other end, and the segment that it is fixed to.
@@ -77,10 +81,15 @@ _ANGLES = {
 
 
 def recognises(source: Source) -> bool:
-    """True if the first line begins with the title of a section and names stand above a line of frames."""
-    first = source.head[0].replace('"', "")
-    begins = any(first.split(sep)[0].strip() in TITLES for sep in (",", "\t", ";"))
-    return begins and any(line.replace('"', "").lstrip().startswith("Frame") for line in source.head[1:8])
+    """True if a line is the title of a section, with a line of components below: the first line, or in files
+    of older programs one below a few facts (Title, Date …)."""
+    separator = separator_of(source)
+    head = source.head[:_MOST_FACTS]
+    title = next((k for k, line in enumerate(head) if title_of(line, separator)), None)
+    if title is None:
+        return False
+    components = next((line for line in source.head[title + 1 : title + 8] if is_components(line)), "")
+    return bool(components) and (title == 0 or components.lstrip(' "').startswith(FIELD[0]))
 
 
 def read(source: Source) -> Clip:

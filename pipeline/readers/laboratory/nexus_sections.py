@@ -3,6 +3,9 @@
 A section is a title ("Trajectories", "Model Outputs"), the rate, a line of names, each above the first of its
 columns, a line of components under "Frame,Sub Frame" (X Y Z, or RX RY RZ TX TY TZ SX SY SZ), a line of units,
 and a line per frame, up to a blank line or the end of the file. Cells without a measurement are empty.
+
+Vicon's older programs (Workstation, Nexus 1) write the title in capitals, "Field #" in place of "Frame,Sub
+Frame", and no line of units: lengths are in mm.
 """
 
 from __future__ import annotations
@@ -18,8 +21,10 @@ from kinemimic.pipeline.readers.base.source import Source
 
 TRAJECTORIES, MODEL_OUTPUTS = "Trajectories", "Model Outputs"
 TITLES: tuple[str, ...] = (TRAJECTORIES, MODEL_OUTPUTS, "Joints", "Segments", "Devices", "Events", "Analysis")
-# What stands above the components of frames.
-FRAME = ("Frame", "Sub Frame")
+# What stands beside the components, above the frames' numbers; and in files of older programs.
+FRAME, FIELD = ("Frame", "Sub Frame"), ("Field #",)
+# Of lengths in files of older programs.
+_UNIT = "mm"
 _MAX_RATE = 10_000.0
 # A day at that rate; beyond, times could not be told apart.
 _MAX_FRAME = 1e9
@@ -52,18 +57,25 @@ class Section:
 
 def separator_of(source: Source) -> str:
     """The separator: the most frequent one in the line of components."""
-    line = next((line for line in source.head[:8] if line.lstrip().startswith(FRAME[0])), source.head[0])
+    line = next((line for line in source.head if is_components(line)), source.head[0])
     return max(",\t;", key=line.count)
+
+
+def is_components(line: str) -> bool:
+    """Whether a line may be that of the components."""
+    return line.replace('"', "").lstrip().startswith((FRAME[0], FIELD[0]))
+
+
+def title_of(line: str, separator: str) -> str | None:
+    """The title of the section that begins with this line, or None."""
+    first = line[:20].partition(separator)[0].strip().strip('"').title()
+    return first if first in TITLES else None
 
 
 def titles(lines: Sequence[str], separator: str) -> list[tuple[int, str]]:
     """The lines (from 0) that begin a section, and their titles."""
-    found = []
-    for number, line in enumerate(lines):
-        first = line[:20].partition(separator)[0].strip().strip('"')
-        if first in TITLES:
-            found.append((number, first))
-    return found
+    found = ((number, title_of(line, separator)) for number, line in enumerate(lines))
+    return [(number, title) for number, title in found if title is not None]
 
 
 def read_section(source: Source, start: int, title: str) -> Section:
@@ -82,20 +94,24 @@ def read_section(source: Source, start: int, title: str) -> Section:
     names, components, units = (
         [cell.strip().strip('"') for cell in source.lines[start + k].split(separator)] for k in (2, 3, 4)
     )
-    if tuple(components[:2]) != FRAME:
+    lead = next((lead for lead in (FRAME, FIELD) if tuple(components[: len(lead)]) == lead), None)
+    if lead is None:
         raise source.error(
             expected=f"{title}: Frame and Sub Frame", found=repr(components[:2]), line=start + 4
         )
     while components and not components[-1]:
         components.pop()
     width = len(components)
-    end = next((k for k in range(start + 5, len(source.lines)) if _ends(source.lines[k], separator)), None)
+    first = start + 5
+    if lead == FIELD:
+        units, first = [_UNIT] * width, start + 4
+    end = next((k for k in range(first, len(source.lines)) if _ends(source.lines[k], separator)), None)
     # Trailing separators come and go with a spreadsheet; a row keeps as many cells as there are components.
-    rows = [_cells(line, separator, width) for line in source.lines[start + 5 : end]]
-    content = "\n" * (start + 5) + "\n".join(rows)
+    rows = [_cells(line, separator, width) for line in source.lines[first:end]]
+    content = "\n" * first + "\n".join(rows)
     table = parse_sparse_table(
         Source(source.path, content.encode(), source.sha256),
-        start=start + 5,
+        start=first,
         width=width,
         separator=separator,
     )
@@ -105,13 +121,13 @@ def read_section(source: Source, start: int, title: str) -> Section:
         bad = int(np.argmax(wrong))
         found = "none" if np.isnan(frames[bad]) else f"{frames[bad]:g}"
         raise source.error(expected="a frame's number", found=found, line=table.line(bad))
-    items = _items(names, components, units + [""] * width, source, start)
+    items = _items(names, components, units + [""] * width, len(lead), source, start)
     return Section(title, rate, items, frames, table.values, table)
 
 
 def _ends(line: str, separator: str) -> bool:
     """Whether a line is blank, or the title of the next section."""
-    return not line.strip(separator + " ") or line[:20].partition(separator)[0].strip() in TITLES
+    return not line.strip(separator + " ") or title_of(line, separator) is not None
 
 
 def _cells(line: str, separator: str, width: int) -> str:
@@ -123,9 +139,10 @@ def _cells(line: str, separator: str, width: int) -> str:
 
 
 def _items(
-    names: list[str], components: list[str], units: list[str], source: Source, start: int
+    names: list[str], components: list[str], units: list[str], lead: int, source: Source, start: int
 ) -> tuple[Item, ...]:
-    begins = [k for k, name in enumerate(names[: len(components)]) if name and k >= len(FRAME)]
+    """lead: how many columns are before the first item's."""
+    begins = [k for k, name in enumerate(names[: len(components)]) if name and k >= lead]
     if not begins:
         raise source.error(expected="names of markers or outputs", found="none", line=start + 3)
     items = []

@@ -79,6 +79,22 @@ def test_both_sections_in_either_order() -> None:
     assert np.allclose(clip.angles["knee_left"], np.radians(7.0))
 
 
+@pytest.mark.parametrize("facts", [[], ["Title,,", "Date:,,", "Notes:,,", ",,"]])
+def test_the_layout_of_older_programs(facts: list[str]) -> None:
+    """Titles in capitals below a few facts, one column of frames, no units, angles among the markers."""
+    _, rate, names, components, _, *rows = TRAJECTORIES
+    old = [
+        f"{rate},Hz",
+        names[1:] + ",LKneeAngles,,",
+        components.replace("Frame,Sub Frame", "Field #") + ",X,Y,Z",
+    ]
+    old += [",".join([str(k), *row.split(",")[2:], "9.1", "2", "-3"]) for k, row in enumerate(rows, 1)]
+    clip = read([*facts, "TRAJECTORIES,,", *old, "", "ANALOG", "1000,Hz", "Sample #,Fx", "1,0.5"])
+    assert np.array_equal(clip.positions, read(TRAJECTORIES).positions, equal_nan=True)
+    assert np.abs(clip.times - SHOWN.times).max() < 1e-9
+    assert clip.provenance["reading"]["units"] == "mm"
+
+
 def test_the_unit_by_its_word() -> None:
     """An export that says "in" and means inches: lengths are those of a leg of 0.8 / 0.0254."""
     clip = read([line.replace("mm", "in") if k == 4 else line for k, line in enumerate(TRAJECTORIES)])
