@@ -8,8 +8,13 @@ from dataclasses import dataclass
 # A single letter counts only after a separator: the t of KneeLeft_X does not.
 _ROTATION = r"rot(?:ation)?s?|euler|angle|(?<=[ _.\-:/])r"
 _QUATERNION = r"quat(?:ernion)?|orient(?:ation)?|(?<=[ _.\-:/])q"
-_POSITION = r"pos(?:ition)?|loc(?:ation)?|trans(?:lation)?|(?<=[ _.\-:/])[pt]"
-_KIND = rf"(?:(?P<rotation>{_ROTATION})|(?P<quaternion>{_QUATERNION})|(?P<position>{_POSITION}))"
+_POSITION = r"posi?(?:tion)?|loc(?:ation)?|trans(?:lation)?|(?<=[ _.\-:/])[pt]"
+# What is no place and no turn.
+_OTHER = r"(?<=[ _.\-:/])(?:vel(?:o(?:city)?)?|acc(?:e(?:l(?:eration)?)?)?|gyro|mag)"
+_KIND = (
+    rf"(?:(?P<rotation>{_ROTATION})|(?P<quaternion>{_QUATERNION})"
+    rf"|(?P<position>{_POSITION})|(?P<other>{_OTHER}))"
+)
 _UNIT = r"(?:[ _]*[\[(][^\])]*[\])]|[ _](?:mm|cm|m))?"
 # Head_X, left_knee_x_mm, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW
 _AXIS_LAST = re.compile(
@@ -65,7 +70,7 @@ def _grouped(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, Colu
     lower = {name.strip().lower() for name in names}
     for column, name in enumerate(map(str.strip, names)):
         match = pattern.fullmatch(name)
-        if match is None:
+        if match is None or match.groupdict().get("other"):
             continue
         parts = match.groupdict()
         joint = parts["joint"]

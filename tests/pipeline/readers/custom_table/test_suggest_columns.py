@@ -44,6 +44,8 @@ def test_no_sequence_is_mistaken_for_another(name: str) -> None:
         ([f"knee_{side}_{axis}" for side in "lr" for axis in "xyz"], ["knee_l", "knee_r"]),
         ([f"Knee_{side}.{axis}" for side in "LR" for axis in "XYZ"], ["Knee_L", "Knee_R"]),
         (["knee_r_x", "knee_r_y", "knee_r_z"], ["knee"]),
+        ([f"Hips-Joint-{part}-{axis}" for part in ("Posi", "Velo") for axis in "xyz"], ["Hips-Joint"]),
+        ([f"hip_{part}_{axis}" for part in ("vel", "acc", "gyro") for axis in "xyz"], []),
         (["a_x", "a_y"], []),
         (["time", "index", "matrix", "body"], []),
     ],

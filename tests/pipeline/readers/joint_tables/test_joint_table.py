@@ -62,6 +62,21 @@ def multi_index() -> str:
     return "".join(",".join(row) + "\n" for row in upper) + table(index, rows)
 
 
+def axis_studio() -> str:
+    """A line with a number, frame numbers, and velocities and quaternions beside the places."""
+    parts = [
+        (part, axis)
+        for part, axes in (("Joint-Velo", "xyz"), ("Joint-Posi", "xyz"), ("Bone-Quat", "xyzw"))
+        for axis in axes
+    ]
+    header = ["Frame-No", *(f"{name}-{part}-{axis}" for name in NAMES for part, axis in parts)]
+    rows = [
+        [k, *(value for place in frame.tolist() for value in (0.5, 0.5, 0.5, *place, 0.0, 0.0, 0.0, 1.0))]
+        for k, frame in enumerate(POINTS)
+    ]
+    return f"{FRAMES}\n{table(header, rows)}"
+
+
 LAYOUTS: dict[str, Callable[[], str]] = {
     "a column for each coordinate": lambda: table(["Time", *AXES], wide()),
     "glued names": lambda: table(["Time", *(name.replace("_", "") for name in AXES)], wide()),
@@ -78,6 +93,7 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     ),
     "the joint above the axis": groups,
     "an index of several levels": multi_index,
+    "velocities and quaternions": axis_studio,
     "tuples": lambda: table(["Time", *NAMES], places("({}, {}, {})")),
     "arrays": lambda: table(["Time", *NAMES], places("[{} {}  {}]"), ";"),
     "dictionaries": lambda: table(["Time", *NAMES], places("{{'x': {}, 'y': {}, 'z': {}}}")),
