@@ -1,15 +1,15 @@
 """JSON of joints, whatever its keys are called: laid out as a joint table, and read as one.
 
 A frame is an object, or a list, with joints somewhere within: by their names as keys, as objects with a name
-("JointType": "KneeLeft"), or listed in a sensor's order; each with x, y and z, perhaps in an inner object
-("Position"), or as three numbers. Frames are a list, a line each, or the values of an object. Every person of
-a frame is a row of the table.
+("JointType": "KneeLeft"), or listed in a known order, or in that of a list of names beside the frames; each
+with x, y and z, perhaps in an inner object ("Position"), or as three numbers. Frames are a list, a line each,
+or the values of an object. Every person of a frame is a row of the table.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from kinemimic.pipeline.errors import NotACaptureError
@@ -19,21 +19,36 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import parse_json
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
+from kinemimic.pipeline.readers.custom_table.suggest_orders import ORDERS
 from kinemimic.pipeline.readers.joint_tables import joint_table
+from kinemimic.pipeline.readers.joint_tables.listed_joints import (
+    Listed,
+    joint_names,
+    listed_joints,
+    with_names,
+)
 from kinemimic.pipeline.readers.landmarks.mediapipe_frames import one_document
-from kinemimic.pipeline.readers.landmarks.mediapipe_json import rate_beside_frames
-from kinemimic.pipeline.readers.landmarks.one_person import is_person
+from kinemimic.pipeline.readers.landmarks.mediapipe_json import numbers_beside, rate_beside_frames
+from kinemimic.pipeline.readers.landmarks.one_person import is_person, rows_of_one_person
+from kinemimic.pipeline.readers.landmarks.unnamed_joints import clip_of_unnamed
+from kinemimic.pipeline.readers.landmarks.video_clock import Rate
 
 FORMAT = Format(
     name="joint JSON",
     sensor="unknown",
     holds="positions of joints with known names, or in a known order",
-    recognised_by="JSON with the names of hips, knees and ankles, or with joints of x, y and z",
+    recognised_by="JSON with the names of hips, knees and ankles, or with joints, keypoints, poses, "
+    "positions, points, frames or a motion",
 )
 _SEARCHED = 2**22
 _STRING = re.compile(rb'"([A-Za-z][\w .:-]{1,40})"')
-# JSON without names has its joints under one of these, or in these (node-kinect2).
-_JOINTS = re.compile(rb'"(?:joints?|skeletons?|keypoints?(?:_?3d)?|cameraX)"\s*:', re.IGNORECASE)
+# JSON without names has its joints under one of these, or in these (node-kinect2). OpenPose writes an empty
+# list of joints in three dimensions beside those of a picture.
+_JOINTS = re.compile(
+    rb'"(?:(?:joint|skeleton|keypoint|kpt|pose|position|point|frame|motion)s?(?:_?3d)?|cameraX)"\s*:'
+    rb'|"pose_keypoints_3d"\s*:\s*\[\s*[^\]\s]',
+    re.IGNORECASE,
+)
 # Keys of what a joint is called, and of its place in a picture, which is left out.
 _NAMES = frozenset(("jointtype", "jointname", "joint", "name", "type", "label", "bodypart"))
 _PICTURE = frozenset(
@@ -43,6 +58,7 @@ _CAMERA = re.compile(r"(?:camera|world|pos(?:ition)?)[ _]?([xyz])", re.IGNORECAS
 # Numbers in the smallest body, and columns of the largest table.
 _FEWEST_NUMBERS, _MOST_COLUMNS = 24, 5000
 _MOST_FRAMES = 216_000
+_ORDERED = frozenset(map(len, ORDERS.values()))
 _PERSON = "body_id"
 
 
@@ -56,28 +72,59 @@ def recognises(source: Source) -> bool:
     names = tuple({name.decode() for name in _STRING.findall(begin)})
     if len(names) > _MOST_COLUMNS:
         return False
-    flat = tuple(joints_of_header(names))
-    return any(joints_by_name(joints).keys() >= set(REQUIRED) for joints in (names, flat))
+    return _name_legs(names) or _name_legs(joints_of_header(names))
 
 
 def read(source: Source) -> Clip:
     """The clip of the joints, as of a joint table; CaptureError where these are not certain."""
     document = parse_json(one_document(source))
     rows = [row for frame in _frames(document, source) for row in _rows(frame)]
+    if (names := joint_names(document)) is not None:
+        rows = with_names(rows, names)
     columns = list(dict.fromkeys(name for row in rows for name in row))
-    unknown = NotACaptureError(
+    if not 3 * len(REQUIRED) <= len(columns) <= _MOST_COLUMNS:
+        raise _unknown(columns, source)
+    rate = rate_beside_frames(document, source)
+    listed = None if _name_legs(joints_of_header(tuple(columns))) else listed_joints(rows)
+    cells = ("\t".join(str(row.get(name, "")) for name in columns) for row in rows)
+    table = source.with_text("\n".join(["\t".join(columns), *cells]) + "\n")
+    # A sensor's order within a list of more joints is none: it leaves numbers over.
+    if (listed is None or listed.points.shape[1] in _ORDERED) and joint_table.recognises(table):
+        return joint_table.clip_of_table(table, FORMAT, rate)
+    if listed is None:
+        raise _unknown(columns, source)
+    return _clip_of_listed(listed, rows, source, rate)
+
+
+def _unknown(columns: Sequence[str], source: Source) -> NotACaptureError:
+    return NotACaptureError(
         source.path,
-        expected="frames with joints that have known names, or are in a sensor's order",
+        expected="frames with joints that have known names, or are in a known order",
         found=f"{', '.join(columns[:4])[:100]} …" if columns else "none",
         advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
     )
-    if not 3 * len(REQUIRED) <= len(columns) <= _MOST_COLUMNS:
-        raise unknown
-    cells = ("\t".join(str(row.get(name, "")) for name in columns) for row in rows)
-    table = source.with_text("\n".join(["\t".join(columns), *cells]) + "\n")
-    if not joint_table.recognises(table):
-        raise unknown
-    return joint_table.clip_of_table(table, FORMAT, rate_beside_frames(document, source))
+
+
+def _clip_of_listed(
+    listed: Listed, rows: Sequence[Mapping[str, Any]], source: Source, rate: Rate | None
+) -> Clip:
+    """The clip of the person who is in most rows."""
+    others = [{key: cell for key, cell in row.items() if key not in listed.columns} for row in rows]
+    beside = numbers_beside(others, source)
+    own, people = rows_of_one_person(beside, listed.points)
+    return clip_of_unnamed(
+        listed.points[own],
+        listed.visibility[own],
+        source,
+        format=FORMAT,
+        beside={name: given[own] for name, given in beside.items()},
+        rate=rate,
+        defects=people,
+    )
+
+
+def _name_legs(names: Iterable[str]) -> bool:
+    return joints_by_name(tuple(names)).keys() >= set(REQUIRED)
 
 
 def _frames(document: Any, source: Source) -> list[Any]:
@@ -103,21 +150,23 @@ def _frames(document: Any, source: Source) -> list[Any]:
 
 def _rows(frame: Any) -> Iterator[dict[str, Any]]:
     """Name of a column -> number or word, for each body of a frame."""
-    people = _people(frame)
-    if people is None:
+    bodies = _bodies(frame)
+    if bodies is None:
         yield dict(_cells(frame))
         return
-    key, bodies = people
-    common = dict(_cells({name: value for name, value in frame.items() if name != key}))
-    for place, body in enumerate(bodies):
+    key, people = bodies
+    common = dict(_cells({name: value for name, value in frame.items() if name != key})) if key else {}
+    for place, body in enumerate(people):
         cells = dict(_cells(body))
         if len(cells) >= _FEWEST_NUMBERS:
             own = next((name for name in cells if name.lower() == "id" or is_person(name)), None)
             yield {_PERSON: cells.pop(own) if own else place, **common, **cells}
 
 
-def _people(frame: Any) -> tuple[str, list[Any]] | None:
-    """The key of the list of bodies in a frame, and these."""
+def _bodies(frame: Any) -> tuple[str, list[Any]] | None:
+    """The list of bodies in a frame, and its key; none if the frame is nothing but that list."""
+    if isinstance(frame, list):
+        frame = {"": frame}
     if not isinstance(frame, dict):
         return None
     for key, value in frame.items():
@@ -134,6 +183,7 @@ def _cells(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     if isinstance(value, int | float | str):
         yield path or "value", " ".join(value.split()) if isinstance(value, str) else value
     elif isinstance(value, list):
+        value = _place_of_matrix(value) or value
         axes = "xyzw" if len(value) in (3, 4) and all(_is_number(one) for one in value) else ""
         for place, one in enumerate(value):
             yield from _cells(one, _joined(path, axes[place] if axes else _name(one) or f"{place}"))
@@ -143,6 +193,17 @@ def _cells(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
                 continue
             camera = _CAMERA.fullmatch(key)
             yield from _cells(one, _joined(path, camera[1].lower() if camera else key))
+
+
+def _place_of_matrix(value: list[Any]) -> list[Any] | None:
+    """The place in a matrix (4, 4) of a joint, as ARKit and game engines have it, by columns or by rows."""
+    flat = [cell for line in value if isinstance(line, list) for cell in line] or value
+    if len(flat) != 16 or not all(map(_is_number, flat)):
+        return None
+    for place, others in ((flat[12:15], flat[3::4]), (flat[3:15:4], flat[12:])):
+        if others == [0, 0, 0, 1]:
+            return place
+    return None
 
 
 def _is_number(value: Any) -> bool:

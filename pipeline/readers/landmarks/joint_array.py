@@ -22,20 +22,15 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.array_files.array_file import array_shapes, read_arrays
 from kinemimic.pipeline.readers.array_files.mat5 import is_mat5
-from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks import humanml3d
-from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_landmarks, states_of
-from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, JointSet, joint_set_of, places
-from kinemimic.pipeline.readers.landmarks.video_clock import VideoTimes, stated_rate, times_of_frames
+from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, FIELDS, FIELDS_OF_ROW, joint_set_of
+from kinemimic.pipeline.readers.landmarks.unnamed_joints import clip_of_unnamed
+from kinemimic.pipeline.readers.landmarks.video_clock import Rate, stated_rate
 
 FORMAT = Format(
     name="joint array",
@@ -45,14 +40,8 @@ FORMAT = Format(
     "3), also with a visibility, or in a row, or HumanML3D's 263 numbers",
     binary=True,
 )
-# Numbers of a joint, without and with how sure it is; width of a row of all joints -> the numbers of each (96
-# are the places of an Azure Kinect, rather than SMPL's with a confidence).
-_FIELDS = (3, 4)
-_FIELDS_OF_ROW: dict[int, int] = {
-    fields * joints: fields for fields in reversed(_FIELDS) for joints in COUNTS
-}
 _MOST_AXES = 4
-_WIDTHS = {*_FIELDS_OF_ROW, humanml3d.WIDTH}
+_WIDTHS = {*FIELDS_OF_ROW, humanml3d.WIDTH}
 
 
 def recognises(source: Source) -> bool:
@@ -67,46 +56,8 @@ def read(source: Source) -> Clip:
     Raises CaptureError for a damaged file, and for numbers that are no body in any known order.
     """
     points, visibility = _numbers(source)
-    joint_set = joint_set_of(points)
-    if joint_set is None:
-        raise source.error(
-            expected=f"{points.shape[1]} joints in a known order, whose limbs keep their lengths",
-            found="limbs that change their lengths, or differ between left and right",
-            advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
-        )
-    times = _times(len(points), joint_set, source)
-    notes = [f"{joint_set.name}: told by their number and the lengths of the limbs", times.note]
-    shown = places(points, joint_set)
-    # A pelvis at the origin of every frame is where the others are counted from: no measurement.
-    if "hip_center" in shown and not shown["hip_center"].any():
-        del shown["hip_center"]
-    nodes = tuple(node for node in NODES if node in shown)
-    skeleton = skeleton_of(nodes)
-    at = np.stack([shown[node] for node in nodes], axis=1)
-    parents = [node if parent < 0 else parent for node, parent in enumerate(skeleton.parents)]
-    unit = infer_unit(nodes, skeleton.parents, _whole(at - at[:, parents]), source.path, named=source.unit)
-    refuse_remote(points * unit.metres, joint_set.joints, source, unit=unit.name)
-    if joint_set.joints == LANDMARKS:
-        notes.append(path_of_landmarks(points * unit.metres, source))
-    states = None
-    if visibility.size:
-        own = [joint_set.nodes[node] for node in nodes]
-        sure = _as_shares(visibility[..., 0])
-        states = np.stack([states_of(points[:, k], sure[:, k]) for k in own], axis=1)[times.kept]
-    return clip_of_points(
-        skeleton,
-        times.seconds,
-        at[times.kept] * unit.metres,
-        states,
-        format=FORMAT,
-        reading=reading(
-            units=unit.name,
-            units_rule=unit.rule,
-            defects=[*unit.defects, *times.defects, *zero_frames(points[times.kept])],
-            notes=notes,
-        ),
-        world_from_file=joint_set.world_from_file,
-    )
+    beside, rate = _beside(len(points), source)
+    return clip_of_unnamed(points, visibility, source, format=FORMAT, beside=beside, rate=rate)
 
 
 def _numbers(source: Source) -> tuple[Array, Array]:
@@ -122,18 +73,11 @@ def _numbers(source: Source) -> tuple[Array, Array]:
         possible = [_by_joint(values.astype(np.float64), way) for way in ways]
     bodies = (numbers for numbers in possible if joint_set_of(numbers[..., :3]) is not None)
     numbers = possible[0] if len(possible) == 1 else next(bodies, possible[0])
-    points, visibility = numbers[..., :3], numbers[..., 3:]
-    if _is_flat(points):
-        raise source.error(
-            expected="joints in three dimensions",
-            found="places in a picture with a confidence (none is negative, none of the third above 1)",
-            advice="lift them first, or give the video itself to `kinemimic ingest`",
-        )
-    return points, visibility
+    return numbers[..., :3], numbers[..., 3:]
 
 
-def _times(count: int, joint_set: JointSet, source: Source) -> VideoTimes:
-    """The frames' times, from the other arrays of the archive."""
+def _beside(count: int, source: Source) -> tuple[dict[str, Array], Rate | None]:
+    """Name -> a number of each frame, of the other arrays of the archive; and the rate that it states."""
     shapes = array_shapes(source)
     rate = next((name for name, shape in shapes.items() if is_rate(name) and math.prod(shape) == 1), None)
     of_frames = [name for name, shape in shapes.items() if shape in ((count,), (count, 1), (1, count))]
@@ -144,27 +88,7 @@ def _times(count: int, joint_set: JointSet, source: Source) -> VideoTimes:
         if name in arrays and arrays[name].dtype.kind in "fiu"
     }
     stated = None if rate is None else stated_rate(rate, arrays[rate].reshape(-1)[0].item(), source)
-    return times_of_frames(
-        count, beside, source, lambda frame: f"frame {frame}", rate=stated, usual=joint_set.rate
-    )
-
-
-def _is_flat(points: Array) -> bool:
-    """Whether (T, J, 3) are x and y in a picture and a confidence."""
-    known = points[np.isfinite(points).all(axis=-1)]
-    return len(known) > 0 and bool((known >= 0.0).all() and (known[:, 2] <= 1.0).all())
-
-
-def _as_shares(sure: Array) -> Array:
-    """How sure each joint is (T, J), from 0 to 1; of states, which reach 2, an inferred is below a half."""
-    largest = float(np.nanmax(sure, initial=0.0))
-    return sure / largest * 0.99 if largest > 1.0 else sure
-
-
-def _whole(offsets: Array) -> Array:
-    """The frames in which every joint is seen; all frames if there is none."""
-    whole = np.isfinite(offsets).all(axis=(1, 2)) & offsets.any(axis=(1, 2))
-    return offsets[whole] if whole.any() else offsets
+    return beside, stated
 
 
 class _Way(NamedTuple):
@@ -217,14 +141,14 @@ def _ways(shape: tuple[int, ...], *, rows: bool) -> list[_Way]:
         return [
             _Way(frames, -1, numbers)
             for frames, numbers in pairs
-            if shape[numbers] in _WIDTHS and shape[frames] not in _FIELDS and shape[-1] > 1
+            if shape[numbers] in _WIDTHS and shape[frames] not in FIELDS and shape[-1] > 1
         ]
     if len(many) != 3:
         return []
     ways = [_Way(*order) for order in itertools.permutations(many)]
-    fitting = [way for way in ways if shape[way.joints] in COUNTS and shape[way.numbers] in _FIELDS]
+    fitting = [way for way in ways if shape[way.joints] in COUNTS and shape[way.numbers] in FIELDS]
     # Three or four frames are rotations of joints, rather than a recording, unless they come first.
-    return [way for way in fitting if way.frames == many[0] or shape[way.frames] not in _FIELDS]
+    return [way for way in fitting if way.frames == many[0] or shape[way.frames] not in FIELDS]
 
 
 def _by_joint(values: Any, way: _Way) -> Any:
@@ -234,4 +158,4 @@ def _by_joint(values: Any, way: _Way) -> Any:
     frames = np.moveaxis(values, (way.frames, way.numbers), (-2, -1)).reshape(values.shape[way.frames], -1)
     if frames.shape[1] == humanml3d.WIDTH:
         return humanml3d.joints_of(frames)
-    return frames.reshape(len(frames), -1, _FIELDS_OF_ROW[frames.shape[1]])
+    return frames.reshape(len(frames), -1, FIELDS_OF_ROW[frames.shape[1]])

@@ -15,11 +15,10 @@ from kinemimic.pipeline.readers.base.json_text import parse_json
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, NUMBER
 
-# The keys of world landmarks, and of those that may be image landmarks; "pose" may be an object of these.
-WORLD = (
-    "pose_world_landmarks", "poseWorldLandmarks", "world_landmarks", "worldLandmarks", "keypoints3D",
-    "keypoints_3d",
-)  # fmt: skip
+# The keys of world landmarks, the last of which are used for the joints of other networks, too; and of those
+# that may be image landmarks; "pose" may be an object of these.
+ANY = ("keypoints3D", "keypoints_3d")
+WORLD = ("pose_world_landmarks", "poseWorldLandmarks", "world_landmarks", "worldLandmarks", *ANY)
 POSE = "pose"
 IMAGE = ("pose_landmarks", "poseLandmarks", "landmarks", POSE)
 _PEOPLE = ("poses", "people")

@@ -11,6 +11,8 @@ video ("fps") is beside them.
 
 from __future__ import annotations
 
+import re
+from json import JSONDecoder
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,7 @@ from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     path_of_landmarks,
 )
 from kinemimic.pipeline.readers.landmarks.mediapipe_frames import (
+    ANY,
     FRAMES,
     IMAGE,
     POSE,
@@ -59,8 +62,22 @@ def recognises(source: Source) -> bool:
     head = "".join(source.head)
     if head.lstrip()[:1] not in ("{", "["):
         return False
-    is_named = any(f'"{key}"' in head for key in (*WORLD, *IMAGE) if key != POSE)
-    return is_named or ('"x"' in head and '"visibility"' in head)
+    keys = [key for key in (*WORLD, *IMAGE) if key != POSE and f'"{key}"' in head]
+    if keys and all(key in ANY for key in keys):
+        return _lists_landmarks(source.text, keys[0])
+    return bool(keys) or ('"x"' in head and '"visibility"' in head)
+
+
+def _lists_landmarks(text: str, key: str) -> bool:
+    """Whether the first list under a key is of as many landmarks as MediaPipe's, or cannot be told."""
+    match = re.search(rf'"{key}"\s*:\s*(?=\[\s*[^\]\s])', text)
+    try:
+        value, _ = JSONDecoder().raw_decode(text, match.end()) if match else ([], 0)
+    except (ValueError, RecursionError):
+        return True  # damaged: said when it is read
+    if value and isinstance(value[0], list) and value[0] and isinstance(value[0][0], list | dict):
+        value = value[0]  # of several people
+    return not value or len(value) == len(LANDMARKS)
 
 
 def read(source: Source) -> Clip:
@@ -79,7 +96,7 @@ def read(source: Source) -> Clip:
         others += more
         if found is not None:
             values[number, :, : found.shape[1]] = found
-    beside = _beside(frames, source)
+    beside = numbers_beside(frames, source)
     rows, people = rows_of_one_person(beside, values[..., :3])
     values = values[rows]
     points = values[..., :3]
@@ -155,8 +172,8 @@ def _visibility(landmark: dict[str, Any]) -> Any:
     return landmark.get("visibility", landmark.get("score"))
 
 
-def _beside(frames: list[dict[str, Any]], source: Source) -> dict[str, Array]:
-    """Key -> the numbers (T,) that all frames have beside their landmarks, seconds for dates, NaN for
+def numbers_beside(frames: list[dict[str, Any]], source: Source) -> dict[str, Array]:
+    """Key -> the numbers (T,) that all frames have in it, seconds for dates, NaN for
     other words; CaptureError if the clock has such words."""
     found: dict[str, Array] = {}
     words: dict[str, str] = {}

@@ -9,19 +9,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples.joint_array import joints
 from samples.joint_table import NAMES
 from samples.motion import walk, y_up
 
-from kinemimic.pipeline.errors import NotACaptureError
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.landmarks.joint_sets import SETS, JointSet
 
+HUMAN36M, COCO, SMPL, BODY_25 = (SETS[k] for k in (0, 1, 4, 7))
 FRAMES, RATE = 45, 25.0
 WALK = walk(FRAMES, RATE)
 POINTS = y_up(WALK.joints)
 TIMES = WALK.times.tolist()
+SHUFFLED = [*range(1, 20), 0]
 PLACES: list[list[list[float]]] = POINTS.tolist()
 
 
@@ -45,6 +51,10 @@ def body(number: int, places: list[list[float]]) -> dict[str, Any]:
             for name, one in by_name(places).items()
         },
     }
+
+
+def matrix(place: list[float]) -> list[list[float]]:
+    return [[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [*place, 1.0]]
 
 
 def node_kinect2(time: float, places: list[list[float]]) -> dict[str, Any]:
@@ -73,6 +83,22 @@ LAYOUTS: dict[str, Callable[[], Any]] = {
     },
     "people in a list": lambda: each(lambda t, places: {"timestamp": t, "bodies": [body(7, places)]}),
     "an order, and people who are not there": lambda: each(node_kinect2),
+    "matrices by columns": lambda: each(
+        lambda t, places: {"t": t, "joints": dict(zip(NAMES, map(matrix, places), strict=True))}
+    ),
+    "matrices by rows": lambda: each(
+        lambda t, places: {
+            "t": t,
+            "joints": [
+                {"name": name, "transform": np.transpose(matrix(place)).ravel().tolist()}
+                for name, place in zip(NAMES, places, strict=True)
+            ],
+        }
+    ),
+    "names beside the frames": lambda: {
+        "meta": {"id2name": {f"{k}": NAMES[j] for k, j in enumerate(SHUFFLED)}},
+        "frames": each(lambda t, places: {"t": t, "people": [{"points": [places[j] for j in SHUFFLED]}]}),
+    },
 }  # fmt: skip
 
 
@@ -95,6 +121,61 @@ def test_a_frame_in_each_line(tmp_path: Path) -> None:
     lines = each(lambda t, places: json.dumps({"time": t, "joints": by_name(places)}))
     (tmp_path / "a.json").write_text("\n".join(lines))
     check(tmp_path / "a.json")
+
+
+def in_row(points: Array) -> list[float]:
+    """As OpenPose writes them, with a confidence."""
+    return np.concatenate([points, np.full((len(points), 1), 0.9)], axis=1).ravel().tolist()
+
+
+# As MMPose, EasyMocap and OpenPose write them, a motion's generator, and in the browser.
+LISTS: dict[str, tuple[JointSet, Callable[[Array], Any]]] = {
+    "of people in frames": (
+        HUMAN36M,
+        lambda shown: [
+            {"frame_id": k, "instances": [{"keypoints": one.tolist(), "keypoint_scores": [0.9] * 17}]}
+            for k, one in enumerate(shown)
+        ],
+    ),
+    "of nothing but people": (
+        BODY_25,
+        lambda shown: [
+            [{"id": 0, "keypoints3d": [[*place, 0.9] for place in one.tolist()]}] for one in shown
+        ],
+    ),
+    "in a row": (
+        BODY_25,
+        lambda shown: {
+            "frames": [
+                {"people": [{"pose_keypoints_2d": [], "pose_keypoints_3d": in_row(one)}]} for one in shown
+            ]
+        },
+    ),
+    "of the whole motion": (SMPL, lambda shown: {"motion": {"fps": 30, "joints": shown.tolist()}}),
+    "under MediaPipe's key": (
+        COCO,
+        lambda shown: [{"keypoints3D": [xyz(place) for place in one.tolist()]} for one in shown],
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", LISTS)
+def test_lists_without_names(layout: str, tmp_path: Path) -> None:
+    joint_set, content = LISTS[layout]
+    (tmp_path / "a.json").write_text(json.dumps(content(joints(walk(FRAMES, 30.0), joint_set))))
+    clip = recognise.read(tmp_path / "a.json")
+    assert clip.provenance["format"] == "joint JSON"
+    assert clip.provenance["reading"]["notes"][0].startswith(joint_set.name)
+    assert clip.rate == pytest.approx(30.0)
+    truth = walk(FRAMES, 30.0).joints[:, [NODE_INDEX[name] for name in clip.skeleton.names]]
+    assert clip.positions == pytest.approx(truth, abs=1e-6)
+
+
+def test_places_in_a_picture_are_named(tmp_path: Path) -> None:
+    flat = np.abs(joints(walk(FRAMES), COCO)) * [100.0, 100.0, 0.0] + [0.0, 0.0, 0.9]
+    (tmp_path / "a.json").write_text(json.dumps([{"keypoints": one.tolist()} for one in flat]))
+    with pytest.raises(CaptureError, match="found places in a picture with a confidence"):
+        recognise.read(tmp_path / "a.json")
 
 
 def test_people_are_told_by_their_numbers_not_their_places(tmp_path: Path) -> None:
