@@ -1,10 +1,11 @@
 """FreeMoCap: MediaPipe's landmarks triangulated from several cameras, in a recording's folder.
 
-The folder holds output_data/ with body_3d_xyz.csv (older versions: mediapipe_body_3d_xyz.csv): a column for
-each coordinate of each of the 33 landmarks, "body_nose_x" or "nose_x", and a row per frame, in millimetres, Z
-up once the recording is aligned with the ground. FreeMoCap writes no times there, frames are those of the
-videos; a column of times, or of frame numbers, that somebody added is read. Either the folder or the table
-may be passed.
+The folder holds output_data/ with body_3d_xyz.csv (most versions put the tracker in front:
+mediapipe_body_3d_xyz.csv): a column for each coordinate of each of the 33 landmarks, "body_nose_x" or
+"nose_x", and a row per frame, in millimetres, Z up once the recording is aligned with the ground. FreeMoCap
+writes no times there, frames are those of the videos; a column of times, or of frame numbers, that somebody
+added is read. Either the folder or the table may be passed. Without a table, the folder's array is read; the
+tables and arrays of other trackers are joint tables and joint arrays.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ FORMAT = Format(
 )
 UNIT = "mm"
 OUTPUT_FOLDER = "output_data"
-TABLES: tuple[str, ...] = ("body_3d_xyz.csv", "mediapipe_body_3d_xyz.csv")
+# The body by file name, best first; the last is of the first versions.
+_BODIES = (
+    "body_3d_xyz.csv", "*_body_3d_xyz.csv", "*_body_3d_xyz.npy", "mediaPipeSkel_3d_body_hands_face.npy",
+)  # fmt: skip
 _PREFIX = "body_"
 # A leg in metres is shorter, one in millimetres longer, and an unprefixed table in metres is MediaPipe's.
 _LONG_LEG = 10.0
@@ -52,13 +56,13 @@ def is_freemocap(path: Path) -> bool:
 
 
 def body_table(folder: Path) -> Path:
-    """The table of the body in a recording's folder; CaptureError if there is none."""
+    """The table or array of the body in a recording's folder; CaptureError if there is none."""
     inner = folder if folder.name == OUTPUT_FOLDER else folder / OUTPUT_FOLDER
-    found = next((inner / name for name in TABLES if (inner / name).is_file()), None)
+    found = next((path for name in _BODIES for path in sorted(inner.glob(name)) if path.is_file()), None)
     if found is None:
         raise CaptureError(
             folder,
-            expected=f"{OUTPUT_FOLDER}/{TABLES[0]}, the body of a FreeMoCap recording",
+            expected=f"{OUTPUT_FOLDER}/{_BODIES[0]}, the body of a FreeMoCap recording",
             found="no such file",
             advice="let FreeMoCap process the recording first",
         )

@@ -20,6 +20,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NOD
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS, WORLD_FROM_CAMERA
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, OF_NODE
+from kinemimic.pipeline.readers.landmarks.zed_json import POINTS
 from kinemimic.pipeline.readers.segments.amass import JOINTS as SMPL_22
 
 # Frames, spread over the recording, in which bones are measured.
@@ -53,6 +54,12 @@ class JointSet:
 def places(points: Array, joint_set: JointSet) -> dict[str, Array]:
     """Node -> its places (T, 3) in points (T, J, 3)."""
     return {node: points[:, joints].mean(axis=1) for node, joints in joint_set.nodes.items()}
+
+
+def _of_points(numbers: Mapping[str, int], count: int) -> tuple[str, ...]:
+    """The names of as many points, of which these are nodes."""
+    nodes = {number: node for node, number in numbers.items()}
+    return tuple(nodes.get(number, f"point_{number}") for number in range(count))
 
 
 def _sided(*joints: str, first: str) -> tuple[str, ...]:
@@ -98,7 +105,25 @@ _UTD_MHAD: tuple[str, ...] = (
     *(f"{joint}_{side}" for side in _SIDES for joint in ("hip", "knee", "ankle", "foot")),
 )  # fmt: skip
 _SMPL_24 = (*SMPL_22, "left_hand", "right_hand")
+# COCO's body with feet, a face and hands.
+_WHOLE_BODY: tuple[str, ...] = (
+    *_COCO,
+    *(f"{side}_{part}" for side in _SIDES for part in ("big_toe", "small_toe", "heel")),
+    *(f"point_{k}" for k in range(23, 133)),
+)
+_HALPE_26: tuple[str, ...] = (
+    *_COCO, "head", "neck", "pelvis", *_sided("big_toe", "small_toe", "heel", first="left"),
+)  # fmt: skip
+# Momentum's human rig, as SAM 3D Body gives it: the wrists behind the fingers of their hand.
+_MHR_70: tuple[str, ...] = (
+    *_COCO[:9], *_sided("hip", "knee", "ankle", first="left"),
+    *(f"{side}_{part}" for side in _SIDES for part in ("big_toe", "small_toe", "heel")),
+    *(f"right_finger_{k}" for k in range(20)), "right_wrist",
+    *(f"left_finger_{k}" for k in range(20)), "left_wrist",
+    *(f"point_{k}" for k in range(63, 69)), "neck",
+)  # fmt: skip
 _HEAD = {"head": OF_NODE["head"]}  # COCO and OpenPose call the ears as MediaPipe does
+_TOES = {f"foot_{side}": (f"{side}_big_toe",) for side in _SIDES}
 KINECT_V1 = JointSet("Kinect v1", NODES, Y_UP_TO_Z_UP)
 KINECT_V2 = JointSet("Kinect v2", SDK_JOINTS, Y_UP_TO_Z_UP)
 AZURE_KINECT = JointSet("Azure Kinect", AZURE_JOINTS, WORLD_FROM_CAMERA)
@@ -113,8 +138,7 @@ SETS: tuple[JointSet, ...] = (
     JointSet("SMPL, 24 joints", _SMPL_24, Y_UP_TO_Z_UP),
     KINECT_V2,
     JointSet(
-        "OpenPose BODY_25", _BODY_25, WORLD_FROM_CAMERA,
-        also={**_HEAD, **{f"foot_{side}": (f"{side}_big_toe",) for side in _SIDES}},
+        "OpenPose BODY_25", _BODY_25, WORLD_FROM_CAMERA, also={**_HEAD, **_TOES},
     ),
     AZURE_KINECT,
     JointSet(
@@ -123,6 +147,15 @@ SETS: tuple[JointSet, ...] = (
               for node, joint in (("foot", "toes"), ("hand", "fingers")) for side in _SIDES},
     ),
     MEDIAPIPE,
+    JointSet("COCO-WholeBody, 133 keypoints", _WHOLE_BODY, WORLD_FROM_CAMERA, also={**_HEAD, **_TOES}),
+    JointSet("Halpe, 26 keypoints", _HALPE_26, WORLD_FROM_CAMERA, also=_TOES),
+    JointSet("SAM 3D Body, 70 keypoints", _MHR_70, WORLD_FROM_CAMERA, also={**_HEAD, **_TOES}),
+    # OpenPose's COCO, too, has these 18.
+    *(JointSet(f"ZED, {count} points", _of_points(points, count), WORLD_FROM_CAMERA)
+      for count, points in POINTS.items()),
+    # FreeMoCap's, of MediaPipe's body, hands and face.
+    JointSet("MediaPipe, body, hands and face",
+             (*LANDMARKS, *(f"point_{k}" for k in range(len(LANDMARKS), 553))), IDENTITY, also=OF_NODE),
 )  # fmt: skip
 COUNTS: frozenset[int] = frozenset(len(joint_set.joints) for joint_set in SETS)
 # Numbers of a joint, without and with how sure it is; width of a row of all joints -> the numbers of each (96

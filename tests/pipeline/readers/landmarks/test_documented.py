@@ -10,13 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import freemocap, nuitrack_csv, source_of, zed_json
+from samples.joint_array import joints, saved
 from samples.motion import Walk, in_range, in_sight, walk
 
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS
+from kinemimic.pipeline.readers.landmarks.joint_sets import SETS
 
 FRAMES = 30
 
@@ -48,6 +53,23 @@ def test_freemocap_as_table_and_as_folder(tmp_path: Path) -> None:
     (inner / "body_3d_xyz.csv").write_bytes(freemocap.table(shown))
     for path in (tmp_path / "recording", inner):
         assert np.array_equal(recognise.read(path, rate=60.0).positions, clip.positions)
+
+
+@pytest.mark.parametrize("name", ["mediapipe_body_3d_xyz.npy", "mediaPipeSkel_3d_body_hands_face.npy"])
+def test_arrays_of_freemocap(name: str, tmp_path: Path) -> None:
+    """Without a table; the body alone, or before hands and face."""
+    shown = in_sight(walk(FRAMES))
+    points = 1000.0 * joints(shown, SETS[-1])
+    inner = tmp_path / "output_data"
+    inner.mkdir()
+    (inner / name).write_bytes(saved(points if "face" in name else points[:, : len(LANDMARKS)]))
+    clip = check_capture(recognise.read(tmp_path)).clip
+    heights = shown.joints[:, [NODE_INDEX[node] for node in clip.skeleton.names], 2]
+    assert np.ptp(clip.positions[..., 2] - heights) < 1e-6
+    truth = leg_angles(shown.joints, times=shown.times)
+    for angle, found in leg_angles(to_nodes(clip)[0], times=clip.times).items():
+        if angle.startswith("knee"):
+            assert found == pytest.approx(truth[angle], abs=1e-3), angle
 
 
 def test_freemocap_in_which_nobody_is_seen_at_first() -> None:

@@ -221,7 +221,7 @@ def test_keypoints_in_a_picture_are_refused(size: float) -> None:
 @pytest.mark.parametrize(
     "content",
     [
-        saved(np.zeros((30, 18, 3))),
+        saved(np.zeros((30, 19, 3))),
         saved(np.zeros((30, 17, 2))),
         saved(np.zeros((30, 17, 5))),
         saved(np.zeros((30, 52))),
