@@ -31,7 +31,6 @@ _MODULES: tuple[str, ...] = (
     "kinect.nui_skl",
     "kinect.treadmill",
     "mocap.trc",
-    "mocap.marker_csv",
     "landmarks.freemocap",
     "landmarks.mediapipe_csv",
     "landmarks.mediapipe_json",
@@ -67,6 +66,8 @@ _MODULES: tuple[str, ...] = (
     "public_datasets.labanotation",
     "public_datasets.kimore",
     "joint_tables.joint_json",
+    "joint_tables.joint_rows",
+    "joint_tables.marker_csv",
     "joint_tables.joint_table",
 )
 _SEPARATORS = re.compile(r"[,;]+")

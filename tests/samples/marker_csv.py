@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.readers.mocap.marker_csv import RATE
+from kinemimic.pipeline.readers.joint_tables.marker_csv import RATE
 from kinemimic.pipeline.readers.public_datasets.uiprmd_vicon import MARKERS
 from samples.motion import in_sight, walk
 from samples.uiprmd_vicon import plug_in_gait

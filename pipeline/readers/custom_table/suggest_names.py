@@ -15,10 +15,12 @@ _KIND = (
     rf"(?:(?P<rotation>{_ROTATION})|(?P<quaternion>{_QUATERNION})"
     rf"|(?P<position>{_POSITION})|(?P<other>{_OTHER}))"
 )
-_UNIT = r"(?:[ _]*[\[(][^\])]*[\])]|[ _](?:mm|cm|m))?"
-# Head_X, left_knee_x_mm, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW
+_UNIT = r"(?:[ _]*[\[(](?![xyzw][\])])[^\])]*[\])]|[ _](?:mm|cm|m))?"
+# Head_X, left_knee_x_mm, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW, Head (x)
 _AXIS_LAST = re.compile(
-    rf"(?P<joint>.*?[^ _.\-:/])[ _.\-:/]*(?:{_KIND}[ _.\-:/]*)?(?P<axis>[xyzw]){_UNIT}", re.IGNORECASE
+    rf"(?P<joint>.*?[^ _.\-:/(\[])[ _.\-:/]*(?:{_KIND}[ _.\-:/]*)?"
+    rf"[(\[]?(?P<axis>[xyzw])[)\]]?{_UNIT}",
+    re.IGNORECASE,
 )
 # X1, x_knee, z-17
 _AXIS_FIRST = re.compile(rf"(?P<axis>[xyzw])[ _.\-:/]*(?P<joint>\d+|(?<=[ _.\-:/]).+?){_UNIT}", re.IGNORECASE)

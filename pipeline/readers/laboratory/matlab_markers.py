@@ -18,7 +18,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
-from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.array_files.mat5 import Value, field, heads, texts, variables
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
@@ -26,7 +26,7 @@ from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.laboratory import matlab_variables
 from kinemimic.pipeline.readers.laboratory.matlab_variables import Recorded, first_number, is_array
-from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.declared_unit import likeliest_unit
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 from kinemimic.pipeline.readers.optical.one_person import metres_of_one_person
@@ -61,7 +61,7 @@ def read(source: Source) -> Clip:
     labels, points, times, stated, notes, of_times = (
         _of_structure(structures, source) if structures else matlab_variables.recorded(source)
     )
-    unit = source.unit or stated or _likeliest_unit(labels, points)
+    unit = source.unit or stated or likeliest_unit(labels, points)
     defects = [*of_times, *zero_frames(points)]
     labels, points, wrong = metres_of_one_person(labels, points, unit, source)
     defects += wrong
@@ -169,11 +169,6 @@ def _of_toolbox(value: Value, source: Source) -> Recorded:
 
 def _at_rate(labels: tuple[str, ...], points: Array, rate: float, *notes: str) -> Recorded:
     return Recorded(labels, points, np.arange(len(points)) / rate, UNIT, notes)
-
-
-def _likeliest_unit(labels: tuple[str, ...], points: Array) -> str:
-    """The first of the usual units in which the legs are a person's; mm if none is."""
-    return next((unit for unit in (UNIT, "m", "cm") if not in_metres(labels, points * UNITS[unit])[1]), UNIT)
 
 
 def _rate(value: Value, name: str, source: Source) -> float:

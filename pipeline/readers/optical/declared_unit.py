@@ -10,7 +10,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, unit_correction
+from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, UNITS, unit_correction
 from kinemimic.pipeline.readers.optical.marker_names import SIDES, joint_centres, landmarks
 
 # Length of the path from ASIS over the lateral knee to the ankle, over thigh plus shank.
@@ -19,6 +19,7 @@ _SKIN_PATH = 1.1
 _TOLERANCE = 1.5
 # Number of frames, spread over the recording, that suffice for a median.
 _SAMPLED_FRAMES = 500
+_USUAL = ("mm", "m", "cm")
 # Key of UNITS -> its words in headers, in the singular.
 _WORDS: dict[str, tuple[str, ...]] = {
     "mm": ("mm", "millimeter", "millimetre"),
@@ -34,6 +35,11 @@ def unit_named(word: str) -> str | None:
     """The unit (a key of UNITS) that a header names "mm", "Meters", "metre", "in" …; None if unknown."""
     singular = word.strip().lower().removesuffix(".").removesuffix("s")
     return next((unit for unit, words in _WORDS.items() if singular in words), None)
+
+
+def likeliest_unit(labels: tuple[str, ...], points: Array) -> str:
+    """The first of the usual units in which the legs of points (T, M, 3) are a person's; mm if none is."""
+    return next((unit for unit in _USUAL if not in_metres(labels, points * UNITS[unit])[1]), _USUAL[0])
 
 
 def in_metres(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defect]]:
