@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kinemimic.pipeline.readers.base.column_names import words_of
-from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, NUMBER
+from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS
 
 FIELDS: tuple[str, ...] = ("x", "y", "z", "visibility", "presence")
 _FIELD_OF_WORD: dict[str, str] = {
@@ -23,6 +23,8 @@ _FIELD_OF_WORD: dict[str, str] = {
 _WORLD_AXES: dict[str, str] = {f"w{axis}": axis for axis in "xyz"}
 # Numbered landmarks beside these words are those of MediaPipe's other models.
 _OTHER_MODELS = frozenset(("hand", "face", "left", "right"))
+# Joints that a table of another sensor or network numbers.
+_OTHER_COUNTS = COUNTS - {len(LANDMARKS)}
 _MARK = "landmark"
 _MARKS = frozenset(
     (_MARK, *(f"{_MARK}{word}" for word in ("id", "idx", "index", "no", "num", "number", "name")))
@@ -67,7 +69,8 @@ def landmark_columns(names: Sequence[str]) -> dict[int, tuple[int, str]]:
     """
     parts = {column: part for column, name in enumerate(names) if (part := _Name.of(name)) is not None}
     numbers = {part.number for part in parts.values()}
-    if numbers - {None} == set(range(len(AZURE_JOINTS))):  # another sensor's numbered joints
+    counted = len(numbers - {None})
+    if counted in _OTHER_COUNTS and numbers - {None} == set(range(counted)):
         return {}
     first = 1 if len(LANDMARKS) in numbers and 0 not in numbers else 0
     found: dict[int, tuple[int, _Name]] = {}

@@ -202,7 +202,7 @@ WALK = b"HIERARCHY " * 100
         (lzma.compress(WALK), "a file packed by xz; unpack it first"),
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),
         (WALK.decode().encode("utf-16-le"), "text in UTF-16 without a byte-order mark; save it as UTF-8"),
-        (saved(np.zeros((9, 18, 3))), "a numpy array that is not of shape"),
+        (saved(np.zeros((9, 19, 3))), "a numpy array that is not of shape"),
         (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; an SMPL body's motion has trans"),
         (saved(np.array({"poses": 1})), "a numpy file of Python objects, which is not read because"),
         (zipped(WALK, "hmr4d_results/data.pkl"), "a file of PyTorch, which is not read because"),
