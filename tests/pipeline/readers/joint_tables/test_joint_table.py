@@ -77,6 +77,19 @@ def axis_studio() -> str:
     return f"{FRAMES}\n{table(header, rows)}"
 
 
+def visual3d() -> str:
+    """The file, the type and the folder of every column beside its joint and axis; TABs end the lines."""
+    heads = [
+        ["walk.c3d"] * len(AXES),
+        np.repeat(NAMES, 3),
+        ["LANDMARK"] * len(AXES),
+        ["ORIGINAL"] * len(AXES),
+    ]
+    rows = [[k + 1, *row[1:], ""] for k, row in enumerate(wide())]
+    above = "".join("\t".join(["", *head, ""]) + "\n" for head in heads)
+    return above + table(["ITEM", *("X", "Y", "Z") * len(NAMES), ""], rows, "\t")
+
+
 LAYOUTS: dict[str, Callable[[], str]] = {
     "a column for each coordinate": lambda: table(["Time", *AXES], wide()),
     "glued names": lambda: table(["Time", *(name.replace("_", "") for name in AXES)], wide()),
@@ -93,6 +106,10 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     ),
     "the joint above the axis": groups,
     "an index of several levels": multi_index,
+    "Visual3D's text": visual3d,
+    "units below the names": lambda: table(
+        ["Time", *AXES], [["s", *["mm"] * len(AXES)], *wide(1000 * POINTS)]
+    ),
     "velocities and quaternions": axis_studio,
     "tuples": lambda: table(["Time", *NAMES], places("({}, {}, {})")),
     "arrays": lambda: table(["Time", *NAMES], places("[{} {}  {}]"), ";"),
