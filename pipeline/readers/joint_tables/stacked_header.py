@@ -1,4 +1,4 @@
-"""Headers in several lines, as spreadsheets, pandas and Visual3D write them: the joint in one, the axis below."""
+"""Headers in several lines, as spreadsheets, pandas and Visual3D have them: the joint above the axis."""
 
 from __future__ import annotations
 

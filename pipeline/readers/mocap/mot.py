@@ -1,4 +1,4 @@
-"""OpenSim motions (.mot, .sto): generalised coordinates by name, on the skeleton of a standard adult.
+"""OpenSim motions (.mot, .sto, or the table as CSV): coordinates by name, on a standard adult's skeleton.
 
 The file holds joint angles but no lengths: those used here are the published ones of the models with which
 such files are made (legs and pelvis: Delp et al. 1990, as in gait2354; arms: Hamner, Seth & Delp 2010), 1.80
@@ -34,7 +34,7 @@ FORMAT = Format(
     name="OpenSim .mot/.sto",
     sensor="optical, through inverse kinematics",
     holds="joint angles of an OpenSim model by name",
-    recognised_by="the keyword endheader",
+    recognised_by="the keyword endheader, or a first line with the coordinates' names",
     width_in_header=True,
 )
 ORDER = "ZXY"
@@ -108,8 +108,9 @@ OPENSIM_JOINTS: tuple[_Joint, ...] = (
 
 
 def recognises(source: Source) -> bool:
-    """True if a line is endheader."""
-    return any(line.strip().lower() == "endheader" for line in source.head)
+    """True if a line is endheader, or the first line has the names of the legs' coordinates."""
+    names = set(map(_coordinate, _cells(source.head[0])))
+    return any(_ends_header(line) for line in source.head) or names >= set(REQUIRED)
 
 
 def read(source: Source) -> Clip:
@@ -183,19 +184,20 @@ class _Table:
 
 
 def _table(source: Source) -> _Table:
-    end = next(k for k, line in enumerate(source.lines) if line.strip().lower() == "endheader")
+    end = next((k for k, line in enumerate(source.lines) if _ends_header(line)), -1)
     header = {
         key.strip().lower(): value.strip()
-        for key, _, value in (line.partition("=") for line in source.lines[:end])
+        for key, _, value in (line.partition("=") for line in source.lines[: end + 1])
     }
     start = next((k for k in range(end + 1, len(source.lines)) if source.lines[k].strip()), None)
     if start is None:
         raise source.error(
             expected="column names below endheader", found="none", advice="the file is cut off"
         )
-    labels = [_coordinate(label) for label in source.lines[start].split()]
+    labels = [_coordinate(label) for label in _cells(source.lines[start])]
     _check_labels(labels, source, start + 1)
-    table = parse_table(source, start=start + 1, width=len(labels))
+    separator = _separator(source.lines[start])
+    table = parse_table(source, start=start + 1, width=len(labels), separator=separator)
     angle_names = {name for joint in OPENSIM_JOINTS for name in joint.angle_names if name} & set(labels)
     used = [k for k, label in enumerate(labels) if label in {"time", *PELVIS_POSITION, *angle_names}]
     rows, left_out = _whole_rows(table, used, labels, source)
@@ -241,6 +243,19 @@ def _whole_rows(
     count = int((~whole).sum())
     text = f"{plural(count, 'row')} without a number in {labels[column]} or another coordinate, left out"
     return np.flatnonzero(whole), [Defect("dropped_frames", count, "frames", "flagged", text)]
+
+
+def _ends_header(line: str) -> bool:
+    return line.strip().lower() == "endheader"
+
+
+def _separator(names: str) -> str | None:
+    """A comma, as in a CSV, or None for white space."""
+    return "," if "," in names else None
+
+
+def _cells(names: str) -> list[str]:
+    return [name.strip().strip('"') for name in names.split(_separator(names))]
 
 
 def _coordinate(label: str) -> str:

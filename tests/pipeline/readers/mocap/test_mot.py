@@ -40,6 +40,15 @@ def curves_agree(clip: Clip, tolerance: float = 1e-9) -> None:
         np.testing.assert_allclose(measured[name], curve, atol=tolerance, err_msg=name)
 
 
+def test_the_columns_alone_and_as_csv() -> None:
+    """The unit of the angles is then told from their size."""
+    body = sample().partition("endheader\n")[2]
+    rows = [[cell.strip() for cell in line.split("\t")] for line in body.splitlines()]
+    csv = "\n".join(",".join(row) for row in rows)
+    for text in (body, csv, csv.replace("time", '"time"')):
+        np.testing.assert_array_equal(clip_of(text).positions, clip_of(sample()).positions)
+
+
 def test_the_known_walk_comes_back() -> None:
     clip, walk = clip_of(sample()), rigid_walk(FRAMES, 60.0)
     curves_agree(clip)
