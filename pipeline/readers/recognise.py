@@ -66,6 +66,7 @@ _MODULES: tuple[str, ...] = (
     "public_datasets.labanotation",
     "public_datasets.kimore",
     "joint_tables.joint_json",
+    "joint_tables.joint_xml",
     "joint_tables.joint_rows",
     "joint_tables.marker_csv",
     "joint_tables.joint_table",

@@ -50,7 +50,7 @@ _JOINTS = re.compile(
     re.IGNORECASE,
 )
 # Keys of what a joint is called, and of its place in a picture, which is left out.
-_NAMES = frozenset(("jointtype", "jointname", "joint", "name", "type", "label", "bodypart"))
+_NAMES = frozenset(("jointtype", "jointname", "jointid", "joint", "name", "type", "label", "bodypart", "id"))
 _PICTURE = frozenset(
     ("projection", "proj", "color", "depth", "pixel", "image", "screen", "colorspace", "depthspace")
 )
@@ -59,6 +59,8 @@ _CAMERA = re.compile(r"(?:camera|world|pos(?:ition)?)[ _]?([xyz])", re.IGNORECAS
 _FEWEST_NUMBERS, _MOST_COLUMNS = 24, 5000
 _MOST_FRAMES = 216_000
 _ORDERED = frozenset(map(len, ORDERS.values()))
+# Objects around the frames.
+_MOST_AROUND = 3
 _PERSON = "body_id"
 
 
@@ -72,12 +74,16 @@ def recognises(source: Source) -> bool:
     names = tuple({name.decode() for name in _STRING.findall(begin)})
     if len(names) > _MOST_COLUMNS:
         return False
-    return _name_legs(names) or _name_legs(joints_of_header(names))
+    return name_legs(names) or name_legs(joints_of_header(names))
 
 
 def read(source: Source) -> Clip:
     """The clip of the joints, as of a joint table; CaptureError where these are not certain."""
-    document = parse_json(one_document(source))
+    return clip_of_document(parse_json(one_document(source)), source, FORMAT)
+
+
+def clip_of_document(document: Any, source: Source, format: Format) -> Clip:
+    """`read`, for objects, lists, numbers and words that are parsed already, of a file in some format."""
     rows = [row for frame in _frames(document, source) for row in _rows(frame)]
     if (names := joint_names(document)) is not None:
         rows = with_names(rows, names)
@@ -85,15 +91,15 @@ def read(source: Source) -> Clip:
     if not 3 * len(REQUIRED) <= len(columns) <= _MOST_COLUMNS:
         raise _unknown(columns, source)
     rate = rate_beside_frames(document, source)
-    listed = None if _name_legs(joints_of_header(tuple(columns))) else listed_joints(rows)
+    listed = None if name_legs(joints_of_header(tuple(columns))) else listed_joints(rows)
     cells = ("\t".join(str(row.get(name, "")) for name in columns) for row in rows)
     table = source.with_text("\n".join(["\t".join(columns), *cells]) + "\n")
     # A sensor's order within a list of more joints is none: it leaves numbers over.
     if (listed is None or listed.points.shape[1] in _ORDERED) and joint_table.recognises(table):
-        return joint_table.clip_of_table(table, FORMAT, rate)
+        return joint_table.clip_of_table(table, format, rate)
     if listed is None:
         raise _unknown(columns, source)
-    return _clip_of_listed(listed, rows, source, rate)
+    return _clip_of_listed(listed, rows, source, format, rate)
 
 
 def _unknown(columns: Sequence[str], source: Source) -> NotACaptureError:
@@ -106,7 +112,7 @@ def _unknown(columns: Sequence[str], source: Source) -> NotACaptureError:
 
 
 def _clip_of_listed(
-    listed: Listed, rows: Sequence[Mapping[str, Any]], source: Source, rate: Rate | None
+    listed: Listed, rows: Sequence[Mapping[str, Any]], source: Source, format: Format, rate: Rate | None
 ) -> Clip:
     """The clip of the person who is in most rows."""
     others = [{key: cell for key, cell in row.items() if key not in listed.columns} for row in rows]
@@ -116,36 +122,45 @@ def _clip_of_listed(
         listed.points[own],
         listed.visibility[own],
         source,
-        format=FORMAT,
+        format=format,
         beside={name: given[own] for name, given in beside.items()},
         rate=rate,
         defects=people,
     )
 
 
-def _name_legs(names: Iterable[str]) -> bool:
+def name_legs(names: Iterable[str]) -> bool:
+    """Whether these are, among others, the names of hips, knees and ankles."""
     return joints_by_name(tuple(names)).keys() >= set(REQUIRED)
 
 
 def _frames(document: Any, source: Source) -> list[Any]:
     content = document
-    for _ in range(3):  # a document around the frames, or two
+    for _ in range(_MOST_AROUND):
         if not isinstance(content, dict):
             break
-        lists = [value for value in content.values() if isinstance(value, list) and len(value) > 1]
-        inner: Any = max(lists, key=len, default=None)
-        if inner is None or not isinstance(inner[0], dict | list):
+        inner: Any = max(_lists(content), key=len, default=None)
+        if inner is None:
             wrapped = [value for value in content.values() if isinstance(value, dict)]
-            if len(wrapped) != 1:
+            # Of several objects, one around a list holds the frames; else they are the frames.
+            around = wrapped if len(wrapped) == 1 else [value for value in wrapped if any(_lists(value))]
+            if len(around) != 1:
                 content = wrapped
                 break
-            inner = wrapped[0]
+            inner = around[0]
         content = inner
     if not isinstance(content, list) or not content:
         raise NotACaptureError(source.path, expected="a list of frames", found="none")
     if len(content) > _MOST_FRAMES:
         raise source.error(expected=f"at most {_MOST_FRAMES} frames", found=f"{len(content)}")
     return content
+
+
+def _lists(value: dict[str, Any]) -> Iterator[list[Any]]:
+    """The lists of objects or lists in an object."""
+    for one in value.values():
+        if isinstance(one, list) and len(one) > 1 and isinstance(one[0], dict | list):
+            yield one
 
 
 def _rows(frame: Any) -> Iterator[dict[str, Any]]:
