@@ -21,8 +21,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 # library (LFWT, LBWT: the front and back of the waist); the medial markers of the Conventional Gait Model 2
 # (LKNM, LMED); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
-    "asis": (("*asi",), ("*asis",), ("*ias",), ("waist*front",), ("*fwt",)),
-    "psis": (("*psi",), ("*psis",), ("*ips",), ("waist*back",), ("*bwt",)),
+    "asis": (("*asi",), ("*asis",), ("*ias",), ("*sias",), ("waist*front",), ("*fwt",)),
+    "psis": (("*psi",), ("*psis",), ("*ips",), ("*sips",), ("waist*back",), ("*bwt",)),
     "knee_lateral": (
         ("*kneelat",),
         ("*kneelateral",),
@@ -41,6 +41,9 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lek",),
         ("*knee",),
         ("*lk",),
+        ("*lfe",),
+        ("*knel",),
+        ("*knee1",),
     ),
     "knee_medial": (
         ("*kneemed",),
@@ -61,6 +64,8 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*mek",),
         ("*mknee",),
         ("*mk",),
+        ("*mfe",),
+        ("*knee2",),
     ),
     "ankle_lateral": (
         ("*anklelat",),
@@ -79,12 +84,16 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lateralmalleolus",),
         ("*ankle",),
         ("*la",),
+        ("*anklat",),
+        ("*ankl",),
+        ("*mall",),
     ),
     "ankle_medial": (
         ("*anklemed",),
         ("*anklemedial",),
         ("*mank",),
         ("*ankm",),
+        ("*ankmed",),
         ("*mmal",),
         ("*mak",),
         ("*mm",),
@@ -110,6 +119,7 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*fm1", "*fm5"),
         ("*toeout", "*toein"),
         ("*forefootout", "*forefootin"),
+        ("*met",),
     ),
     "acromion": (
         ("*acromium",),
@@ -122,6 +132,7 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*sae",),
         ("*caj",),
         ("*shouldertop",),
+        ("*should",),
     ),
     "elbow": (
         ("*elb", "*elbm"),

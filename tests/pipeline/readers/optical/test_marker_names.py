@@ -46,6 +46,20 @@ def test_which_marker_is_which() -> None:
     assert {"asis_left", "asis_right", "sacrum", "knee_lateral_left"} <= landmarks(sports).keys()
 
 
+def test_the_labels_of_bts_and_sias() -> None:
+    """Those of Davis et al. as BTS's programs write them; SIAS and SIPS are Latin for ASIS and PSIS."""
+    labels = [
+        "sacrum",
+        *(f"{s} {n}" for s in "lr" for n in ("asis", "bar 1", "knee 1", "mall", "met", "should")),
+    ]
+    found = landmarks(labels)
+    for k, name in enumerate(("asis", "", "knee_lateral", "ankle_lateral", "toes", "acromion"), 1):
+        if name:
+            assert (found[f"{name}_left"], found[f"{name}_right"]) == ((k,), (k + 6,))
+    found = landmarks(["LSIAS", "RSIAS", "LSIPS", "RSIPS"])
+    assert found == {"asis_left": (0,), "asis_right": (1,), "psis_left": (2,), "psis_right": (3,)}
+
+
 @pytest.mark.parametrize(
     "labels",
     [
@@ -58,6 +72,8 @@ def test_which_marker_is_which() -> None:
         "KneeLat_L KneeMed_L AnkleLat_L AnkleMed_L Elbow_L",
         "Left Lateral Knee,Left Medial Knee,Left Lateral Ankle,Left Medial Ankle,Left Elbow",
         "L_LatEpicondyle L_MedEpicondyle L_LatMalleolus L_MedMalleolus L_Elbow",
+        "LKNEL LKNEM LANKL LANKM LELB",
+        "L_LFE L_MFE L_AnkLat L_AnkMed L_Elbow",
     ],
 )
 def test_lateral_and_medial_markers(labels: str) -> None:
