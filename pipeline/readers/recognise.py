@@ -13,6 +13,7 @@ from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS, parse_unit
 from kinemimic.pipeline.readers.base.format import Format, Reader
+from kinemimic.pipeline.readers.base.frame_files import is_folder_of_frames, open_frames
 from kinemimic.pipeline.readers.base.frame_rate import at_rate
 from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
@@ -96,11 +97,11 @@ def read(
 ) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
-    path: a file, or the folder of a depth recording or of FreeMoCap. unit: the file's unit of length, spelt
-    as for --unit (a key of `length_units.UNIT_OPTIONS`), in place of the file's own; by default the unit of
-    the format or the header, else the likeliest for the size of the body. rate: the true frame rate in Hz,
-    in place of the file's clock (`frame_rate.at_rate`). video: options for a video, an error for any other
-    file; landmarks: file in which the landmarks of a video are kept.
+    path: a file, or the folder of a depth recording, of FreeMoCap, or of JSON files of a frame each. unit:
+    the file's unit of length, spelt as for --unit (a key of `length_units.UNIT_OPTIONS`), in place of the
+    file's own; by default the unit of the format or the header, else the likeliest for the size of the body.
+    rate: the true frame rate in Hz, in place of the file's clock (`frame_rate.at_rate`). video: options for a
+    video, an error for any other file; landmarks: file in which the landmarks of a video are kept.
 
     provenance holds source (the file's name), format, sensor, sha256, sidecar_files (name -> SHA-256 of the
     other files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a
@@ -121,6 +122,8 @@ def read(
         clip = read_video(path, video or VideoOptions(), landmarks)
     elif video is not None and (given := video.given()):
         raise CaptureError(path, expected=f"a video, which alone takes --{min(given)}", found="another file")
+    elif is_folder_of_frames(path):
+        clip = read_source(open_frames(path, named))
     else:
         file = body_table(path) if is_freemocap(path) else path
         clip = read_source(Source.open(file, unit=named))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from kinemimic.pipeline.files.sidecars import stem_of
+from kinemimic.pipeline.readers.base.frame_files import is_folder_of_frames
 from kinemimic.pipeline.readers.depth.folder import is_recording
 
 # Sidecar files of fixed names: what the markers or columns of a whole folder are, the labels of UTKinect.
@@ -18,8 +19,8 @@ _SKELETONS = (".asf", ".asf.gz")
 def find_files(paths: Iterable[Path]) -> list[Path]:
     """The files at `paths`, and all files below the folders among them except hidden ones, sorted by path.
 
-    A depth recording, which is a folder, counts as one file. A path that does not exist is kept, so that it
-    gets a report.
+    A depth recording, which is a folder, counts as one file, and so does a folder of frames. A path that does
+    not exist is kept, so that it gets a report.
     """
     found = {file: None for path in paths for file in (_files_below(path) if path.is_dir() else (path,))}
     return sorted(found, key=lambda file: file.parts)
@@ -27,7 +28,7 @@ def find_files(paths: Iterable[Path]) -> list[Path]:
 
 def _files_below(folder: Path) -> Iterator[Path]:
     for place, folders, names in os.walk(folder):
-        if is_recording(Path(place)):
+        if is_recording(Path(place)) or is_folder_of_frames(Path(place)):
             folders.clear()
             yield Path(place)
             continue
