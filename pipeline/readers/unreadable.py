@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from typing import NamedTuple
 
 from kinemimic.pipeline.readers.array_files.mat5 import heads, is_mat5
@@ -30,6 +31,8 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
     (b"Kaydara FBX Binary", 0, Unreadable("a file of FBX", _AS_BVH)),
     (b"glTF", 0, Unreadable("a file of glTF", _AS_BVH)),
     (b"BLENDER", 0, Unreadable("a scene of Blender", _AS_BVH)),
+    (b"PXR-USDC", 0, Unreadable("a file of USD", _AS_BVH)),
+    (b"Vocaloid Motion Data", 0, Unreadable("a motion of MikuMikuDance", _AS_BVH)),
     (b"MATLAB 5.0 MAT-file", 0, Unreadable("a damaged MAT-file", _AS_CSV)),
     (b"\x89HDF\r\n", 512, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
     (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5", _AS_CSV)),
@@ -49,16 +52,28 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
         ),
     ),
 )
+# Within the first lines of a text -> what it is.
+_TEXTS: tuple[tuple[str, Unreadable], ...] = (
+    ('"pose_keypoints_2d"', Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO)),
+    ("; FBX ", Unreadable("a file of FBX", _AS_BVH)),
+    ("#usda ", Unreadable("a file of USD", _AS_BVH)),
+    ("<COLLADA", Unreadable("a file of COLLADA", _AS_BVH)),
+    ("AnimationClip:", Unreadable("an animation of Unity", _AS_BVH)),
+)
+_GLTF = ('"asset"', '"nodes"')
+# Arrays of a robot's joint angles, as simulators and their motion libraries name them.
+_ROBOTS = {"qpos", "joint_pos", "dof_pos", "dof_positions"}
 # Protocols 2 to 5; older ones are text.
 _PICKLES = tuple(bytes([0x80, protocol]) for protocol in range(2, 6))
 _MOST_NAMES = 6
+# Packed bytes that are enough to see what is in them.
+_SEARCHED = 4096
 
 
 def unreadable(source: Source) -> Unreadable | None:
     """What is known of a file that no reader recognises, or None."""
     if source.is_text:
-        is_2d = '"pose_keypoints_2d"' in "".join(source.head)
-        return Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO) if is_2d else None
+        return _text("".join(source.head))
     if names := array_names(source):
         return _archive(sorted(names))
     if what := _program(source.content):
@@ -71,14 +86,31 @@ def unreadable(source: Source) -> Unreadable | None:
     return _mat_file(list(heads(source))) if is_mat5(source) else next(known, None)
 
 
+def _text(head: str) -> Unreadable | None:
+    """Of a text that begins so."""
+    if all(word in head for word in _GLTF):
+        return Unreadable("a file of glTF", _AS_BVH)
+    return next((what for mark, what in _TEXTS if mark in head), None)
+
+
 def _program(content: bytes) -> str | None:
     """What holds a pickle, or None."""
-    if content.startswith(_PICKLES) and content.endswith(b"."):
+    if (content.startswith(_PICKLES) and content.endswith(b".")) or _unpacked(content).startswith(_PICKLES):
         return "a Python pickle"
     if content.startswith(b"PK\x03\x04") and _PICKLE_OF_TORCH in content:
         return "a file of PyTorch"
     is_of_objects = content.startswith(b"\x93NUMPY") and b"'|O'" in content[:_NUMPY_HEADER]
     return "a numpy file of Python objects" if is_of_objects else None
+
+
+def _unpacked(content: bytes) -> bytes:
+    """The first bytes of what zlib packed, as joblib does with pickles; empty for anything else."""
+    if not content.startswith(b"\x78"):
+        return b""
+    try:
+        return zlib.decompressobj().decompress(content[:_SEARCHED], 16)
+    except zlib.error:
+        return b""
 
 
 def _is_utf_16(head: bytes) -> bool:
@@ -89,7 +121,10 @@ def _is_utf_16(head: bytes) -> bool:
 
 def _archive(names: list[str]) -> Unreadable:
     """Of an .npz archive with arrays of these names."""
-    wanted = "an SMPL body's motion has trans and poses, or root_orient and pose_body, as in AMASS"
+    if _ROBOTS & set(names):
+        wanted = "these are a robot's joint angles: give the recording of the person whom it follows"
+    else:
+        wanted = "an SMPL body's motion has trans and poses, or root_orient and pose_body, as in AMASS"
     return Unreadable(f"an .npz archive of {_listed(names)}", wanted)
 
 

@@ -13,6 +13,7 @@ import pickle
 import re
 import tarfile
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -207,6 +208,10 @@ WALK = b"HIERARCHY " * 100
         (saved(np.array({"poses": 1})), "a numpy file of Python objects, which is not read because"),
         (zipped(WALK, "hmr4d_results/data.pkl"), "a file of PyTorch, which is not read because"),
         (b'{"people":[{"pose_keypoints_2d":[100.0]}]}', "keypoints of OpenPose in 2D: they have no depth"),
+        (archive(qpos=np.zeros((9, 36)), frequency=np.array(40.0)), "an .npz archive of .* a robot's joint"),
+        (zlib.compress(pickle.dumps({"pose_aa": np.zeros((9, 72))})), "a Python pickle, which is not read"),
+        (b"; FBX 7.7.0 project file\n\nFBXHeaderExtension:  {\n", "a file of FBX; export its motion as BVH"),
+        (b'{"asset": {"version": "2.0"}, "nodes": []}', "a file of glTF; export its motion as BVH"),
     ],
 )
 def test_what_is_not_read_and_what_to_do_about_it(tmp_path: Path, content: bytes, says: str) -> None:
