@@ -70,9 +70,13 @@ def _draft(source: Source, sheet: Sheet, layout: Layout) -> Iterator[str]:
 
 
 def _node_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The node's name for each joint that is one of the 20, the joint's own name for the others."""
-    nodes = {joint: node for node, joint in joints_by_name(tuple(names)).items()}
-    return tuple(nodes.get(k, name) for k, name in enumerate(names))
+    """The node's name for each joint that is one of the 20, the joint's own name for the others.
+
+    A "head" beside a "head_end", which is the node, becomes head_joint.
+    """
+    found = joints_by_name(tuple(names))
+    nodes = {joint: node for node, joint in found.items()}
+    return tuple(nodes.get(k, f"{name}_joint" if name in found else name) for k, name in enumerate(names))
 
 
 def _table(sheet: Sheet, layout: Layout) -> Iterator[str]:

@@ -139,6 +139,22 @@ def test_the_same_body_from_every_layout(layout: str, tmp_path: Path) -> None:
         assert np.degrees(np.abs(found - truth[name])).max() < 0.1, name
 
 
+def test_a_joint_beside_the_one_that_is_the_node_of_its_name(tmp_path: Path) -> None:
+    """LARa's segments: head beside head_end, and angles beside the places."""
+    names = [name.lower() for name in NAMES]
+    names[NAMES.index("Head")] = "head_end"
+    header = [f"{name}_{part}{axis}" for name in [*names, "head"] for part in "RT" for axis in "XYZ"]
+    places = np.concatenate([POINTS, POINTS[:, [NAMES.index("Head")]] - [0.0, 0.1, 0.0]], axis=1)
+    rows = [
+        [float(t), *np.insert(frame, [0], [10.0, 20.0, 30.0], axis=1).ravel()]
+        for t, frame in zip(TIMES, places, strict=True)
+    ]
+    (tmp_path / "a.csv").write_text(table(["time", *header], rows))
+    truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+    for name, found in angles(tmp_path / "a.csv").items():
+        assert np.degrees(np.abs(found - truth[name])).max() < 0.1, name
+
+
 def test_unnamed_joints_of_a_kinect_v2_are_not_those_of_a_v1(tmp_path: Path) -> None:
     points = y_up(kinect_v2_joints(walk(FRAMES)))
     (tmp_path / "a.txt").write_text(table([], wide(points), " "))
