@@ -38,7 +38,8 @@ watched = (while sleep 15 > /dev/null 2>&1; do echo "make: $(1) ..."; done) & be
 setup: $(STAMP) $(NATIVE) ## Build or update .venv, and the native engine
 
 # torch is installed first and alone, from PyTorch's index of CPU builds where that answers: the builds for GPUs take
-# 4.5 GB more, which nothing here uses. TORCH_INDEX= (empty) takes the index that pip is configured for.
+# 4.5 GB more, and only `--device cuda` of `compare` and `train-tracker` uses them. TORCH_INDEX= (empty) takes the
+# index that pip is configured for.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := torch==2.13.0
 $(STAMP): pyproject.toml constraints.txt

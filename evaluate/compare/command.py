@@ -241,8 +241,9 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",
               help="End a variant early; repeatable.")  # fmt: skip
 @click.option("--hidden", multiple=True, metavar="[VARIANT=]UNITS,…",
-              help="Hidden layers of all variants, such as 128,64, or of one; repeatable.")  # fmt: skip
-@jobs_option("Parallel training runs.")
+              help="Hidden layers of all variants, such as 128,64, or of one; repeatable; "
+              "not with --ablation.")  # fmt: skip
+@jobs_option("Parallel training runs; not with --ray.")
 @out_option("Output folder.", Path("runs/compare"))
 @device_option("Where the networks of DDPG, TD3 and SAC are updated; with cuda, SAC draws other actions.")
 @ray_option

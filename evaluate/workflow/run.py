@@ -167,8 +167,8 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.option(
     "--policy",
     metavar="POLICY",
-    help="Perform the motion with a tracker instead of training: `tracker`, whose place `standing` takes if "
-    "there are no strides, or a folder with one.",
+    help="Perform the motion with a tracker instead of training: a folder with one, or `tracker`, which is "
+    "replaced by `standing` for a motion without strides.",
 )
 @click.option(
     "--from-scratch",

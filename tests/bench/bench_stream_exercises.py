@@ -40,7 +40,7 @@ def gaits_only(session: LiveSession) -> None:
 def main() -> None:
     """Print the table."""
     engine, settings = resolve("auto"), LiveSettings(place=True)
-    print(f"{engine}; upright and falls a minute: as it is, and by the tracker of gaits alone")
+    print(f"{engine}; upright and falls a minute: as it is, and by `tracker` alone")
     rows = []
     for name, pattern in COLLECTIONS.items():
         paths = [path for path in sorted(SHARED.glob(pattern)) if path.name != "SOURCE.txt"]

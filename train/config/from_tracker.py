@@ -137,7 +137,7 @@ def from_tracker(preset: str, tracker: TrainConfig, start: str, seed: int = 0) -
     if tracker.env.balance:
         if name != POLISH:
             raise KinemimicError(
-                f"--preset {preset}: expected a tracker of gaits in --from, found `standing`"
+                f"--preset {preset}: expected `tracker`, for walks and runs, in --from, found `standing`"
             )
         name = STANDING_POLISH
     return replace(_SETTINGS[name](tracker), start=start, seed=seed)

@@ -48,7 +48,7 @@ def command(
 ) -> None:
     """Let a tracker unlearn its systematic errors at knees and hips, on the split `train` of LIBRARY.
 
-    Takes minutes; Ctrl-C keeps what is done, and the same command goes on.
+    Takes minutes; Ctrl-C keeps what is done, and the same command resumes.
 
     \b
       kinemimic library recordings/ --out runs/library --test 07 --variants 1000

@@ -1,4 +1,4 @@
-"""Detects legs that the tracker exchanged while one hid the other, and exchanges them back.
+"""Detects legs that the sensor exchanged while one hid the other, and exchanges them back.
 
 Seen from the side, one leg hides the other at every step, and a depth sensor that loses track names them anew
 as they part. The ankles then meet without passing each other: the same foot seems to lead twice. Walking
@@ -58,7 +58,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     joints = [named[f"{joint}_left"] for joint in _LEG if f"{joint}_left" in named]
     curves = [name for name in clip.angles or () if name.startswith(_LEG)]
     text = (
-        f"the ankles met {plural(times, 'time')} without passing each other: the tracker exchanged the legs "
+        f"the ankles met {plural(times, 'time')} without passing each other: the sensor exchanged the legs "
         "while one hid the other; exchanged back"
     )
     defect = Defect("swapped_sides", int(exchanged.sum()), "frames", "repaired", text, frame_runs(exchanged))

@@ -2,7 +2,7 @@
 
 The bounds describe tracked skeletons, not anatomy: a Kinect v1 puts the hip joint too high (thigh up to 1.4
 times the shank), a Kinect v2 too low (leg down to 1.2 times the trunk), and model-fitted skeletons have a
-trunk a third too short. A smaller body may be a child, but then it has a child's proportions; a tracker that
+trunk a third too short. A smaller body may be a child, but then it has a child's proportions; a sensor that
 took a machine for legs does not show them. A skeleton whose bones keep their lengths was not tracked frame by
 frame, but fitted to a person, or made: its proportions are its maker's.
 """

@@ -1,6 +1,6 @@
 """Detects left and right legs, or arms, that are swapped for some frames, and swaps them back.
 
-A tracker that confuses two limbs makes both jump at once, each to the place of the other. The rule finds the
+A sensor that confuses two limbs makes both jump at once, each to the place of the other. The rule finds the
 assignment of sides that makes the motion of a pass smoothest: the sequence of "as named" and "swapped" with
 the least sum of the joints' deviations from linear extrapolation, plus a penalty per change (Viterbi
 algorithm; the deviation of a frame depends on the last two changes only). Euler captures are only flagged.
@@ -62,7 +62,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
             int(swapped.sum()),
             "frames",
             "repaired" if clip.euler is None else "flagged",
-            f"the tracker confused the sides: {', '.join(parts)}; {done}",
+            f"the sensor confused the sides: {', '.join(parts)}; {done}",
             frame_runs(swapped),
         )
     ]

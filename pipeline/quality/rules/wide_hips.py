@@ -1,6 +1,6 @@
 """Detects hips at the outside of the pelvis, and brings them together to where a person's hip joints are.
 
-Some depth trackers put the hips 0.33 to 0.47 of a leg apart, instead of 0.22. The thighs then slant inward by
+Some depth cameras put the hips 0.33 to 0.47 of a leg apart, instead of 0.22. The thighs then slant inward by
 up to 14°, and on a skeleton with a person's hips, the feet of someone who stands would cross. In captures of
 rotations, the thighs do not follow from the hips' positions.
 """

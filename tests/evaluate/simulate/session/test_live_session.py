@@ -109,7 +109,7 @@ def squats(count: int, rate: float) -> Array:
 
 
 def test_a_person_who_squats_is_followed(session: LiveSession) -> None:
-    """The tracker of gaits falls; with the policy for standing, the humanoid squats as well."""
+    """`tracker` falls; with the policy for standing, the humanoid squats as well."""
     positions = squats(3, float(CONTROL_RATE))
     found = {}
     for name in ("tracker", "standing"):

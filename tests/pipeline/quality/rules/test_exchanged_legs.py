@@ -1,4 +1,4 @@
-"""Legs that the tracker exchanged where one hid the other are exchanged back."""
+"""Legs that the sensor exchanged where one hid the other are exchanged back."""
 
 from __future__ import annotations
 
