@@ -44,6 +44,7 @@ _MODULES: tuple[str, ...] = (
     "mocap.c3d",
     "laboratory.matlab_markers",
     "segments.amass",
+    "joint_tables.named_arrays",
     "landmarks.joint_array",
     "segments.mvnx",
     "public_datasets.andersson",

@@ -9,7 +9,7 @@ the one that makes a leg human. Up is Z, or Y if the pelvis is above the ankles 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,11 @@ def recognises(source: Source) -> bool:
         labels = marker_set(source).renamed(table.labels, source)
     except CaptureError:
         return False
+    return has_pelvis(labels)
+
+
+def has_pelvis(labels: Sequence[str]) -> bool:
+    """Whether the labels are of markers: those of the ASIS are among them."""
     return all(f"asis_{side}" in landmarks(labels) for side in SIDES)
 
 

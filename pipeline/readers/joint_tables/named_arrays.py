@@ -1,0 +1,120 @@
+"""Archives of numpy with names: places of shape (frames, joints, 3), and as many names, of joints or markers.
+
+Simulators' libraries of human motion are such archives (Isaac Lab: body_positions, body_names), and what
+anybody's program saves. They are laid out as a table with a header, and read as one. Nothing is unpickled.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
+from kinemimic.pipeline.readers.array_files.npz import array_shapes, read_arrays
+from kinemimic.pipeline.readers.base.clock import is_rate, says_time
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.joint_tables import joint_table, marker_csv
+from kinemimic.pipeline.readers.landmarks.video_clock import stated_rate
+
+FORMAT = Format(
+    name="named joint array",
+    sensor="unknown",
+    holds="positions of joints or markers with names",
+    recognised_by="an .npz archive with places of shape (frames, joints, 3) and as many names",
+    binary=True,
+)
+_FEWEST = len(REQUIRED)
+# Of several arrays of that shape, places are none of these, and rather called so.
+_NO_PLACES = re.compile(r"vel|acc|rot|euler|angle|angular|force|moment|offset", re.IGNORECASE)
+_PLACES = re.compile(r"pos|point|joint|marker|coord|xyz|data", re.IGNORECASE)
+
+
+def recognises(source: Source) -> bool:
+    """True if names of legs, or of markers, are as many as an array's joints."""
+    return _choice(source) is not None
+
+
+def read(source: Source) -> Clip:
+    """The clip of the joints, as of a table of joints, or of the markers, as of a table of markers.
+
+    Raises CaptureError for a damaged file, and as these do.
+    """
+    choice = _choice(source)
+    assert choice is not None  # noqa: S101 (recognises() holds)
+    places, names = choice
+    points = _numbers(read_arrays(source, [places])[places], places, source)
+    table = _table(names, points, _times(len(points), source), source)
+    if marker_csv.recognises(table):
+        return marker_csv.read(table)
+    if joint_table.recognises(table):
+        return joint_table.clip_of_table(table, FORMAT)
+    raise source.error(
+        expected=f"places of a body's joints in {places}, and a name for each",
+        found="others, or a name twice",
+        advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
+    )
+
+
+def _choice(source: Source) -> tuple[str, tuple[str, ...]] | None:
+    """The name of the array of places, and the joints' names."""
+    shapes = array_shapes(source)
+    lists = [name for name, shape in shapes.items() if len(shape) == 1 and shape[0] >= _FEWEST]
+    for name in lists:
+        try:
+            words = read_arrays(source, [name])[name]
+        except CaptureError:
+            continue
+        if words.dtype.kind not in "US" or not _is_body(joints := tuple(map(_text, words.tolist()))):
+            continue
+        fitting = [
+            places
+            for places, shape in shapes.items()
+            if len(shape) == 3 and shape[1:] == (len(joints), 3) and not _NO_PLACES.search(places)
+        ]
+        if fitting:
+            return max(fitting, key=lambda places: bool(_PLACES.search(places))), joints
+    return None
+
+
+def _is_body(names: tuple[str, ...]) -> bool:
+    return set(REQUIRED) <= joints_by_name(names).keys() or marker_csv.has_pelvis(names)
+
+
+def _text(word: Any) -> str:
+    return word.decode("latin-1") if isinstance(word, bytes) else str(word)
+
+
+def _numbers(values: NDArray[Any], name: str, source: Source) -> Array:
+    if values.dtype.kind not in "fiu":
+        raise source.error(expected=f"numbers in {name}", found=f"{values.dtype}")
+    return values.astype(np.float64)
+
+
+def _times(count: int, source: Source) -> Array | None:
+    """The archive's times of the frames (T,), or seconds at its rate; None if it has neither."""
+    shapes = array_shapes(source)
+    clock = next((name for name, shape in shapes.items() if says_time(name) and shape == (count,)), None)
+    if clock is not None:
+        return _numbers(read_arrays(source, [clock])[clock], clock, source)
+    rate = next((name for name, shape in shapes.items() if is_rate(name) and shape in ((), (1,))), None)
+    if rate is None:
+        return None
+    stated = stated_rate(rate, read_arrays(source, [rate])[rate].reshape(-1)[0].item(), source)
+    return np.arange(count) / stated.hertz
+
+
+def _table(names: tuple[str, ...], points: Array, times: Array | None, source: Source) -> Source:
+    """The text of a table with a column for each axis of each joint."""
+    rows = points.reshape(len(points), -1)
+    header = [f'"{name}_{axis}"' for name in names for axis in "xyz"]
+    if times is not None:
+        rows, header = np.column_stack([times, rows]), ["time", *header]
+    lines = (",".join(f"{value:.9g}" for value in row) for row in rows.tolist())
+    return source.with_text("\n".join([",".join(header), *lines]) + "\n")

@@ -1,0 +1,62 @@
+"""Archives of places with names: joints, as of Isaac Lab's humanoids, and markers."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from samples import named_arrays as sample
+from samples.motion import in_sight, walk
+from samples.trc import markers
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.angles import leg_angles
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
+
+FRAMES = 40
+SHOWN = in_sight(walk(FRAMES, sample.RATE))
+
+
+def read(content: bytes) -> Clip:
+    return recognise.read_source(Source(Path("walk.npz"), content, hashlib.sha256(content).hexdigest()))
+
+
+def archive(**arrays: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def test_the_known_walk_comes_back() -> None:
+    clip = read(sample.files(FRAMES)["walk.npz"])
+    assert clip.rate == pytest.approx(sample.RATE)
+    assert clip.provenance["format"] == "named joint array"
+    for name, curve in leg_angles(to_nodes(clip)[0]).items():
+        assert np.abs(curve - SHOWN.angles[name]).max() < 1e-3, name
+
+
+def test_markers_in_millimetres_with_times() -> None:
+    places = markers(SHOWN)
+    points = 1000.0 * np.stack(list(places.values()), axis=1)
+    clip = read(archive(labels=np.array(list(places), dtype="S"), data=points, time=SHOWN.times + 3.0))
+    assert clip.times - clip.times[0] == pytest.approx(SHOWN.times)
+    assert clip.provenance["reading"]["units"] == "mm"
+    for name, curve in leg_angles(to_nodes(clip)[0]).items():
+        assert np.abs(curve - SHOWN.angles[name]).max() < 1e-5, name
+
+
+def test_no_body() -> None:
+    names = np.array(list(sample.BODIES))
+    with pytest.raises(CaptureError, match="found others, or a name twice"):
+        read(archive(names=np.append(names, "head"), points=np.zeros((FRAMES, 16, 3))))
+    with pytest.raises(CaptureError, match="expected numbers in points, found <U4"):
+        read(archive(names=names, points=np.full((FRAMES, 15, 3), "no!!")))
+    with pytest.raises(CaptureError, match=r"an \.npz archive of names, points"):
+        read(archive(names=np.array([f"box {k}" for k in range(15)]), points=np.zeros((FRAMES, 15, 3))))
