@@ -61,12 +61,13 @@ _PICTURE = (-1.0, 2.0)
 FIT_FOR_USE = "save pose_world_landmarks, or give the video itself to `kinemimic ingest`"
 
 
-def path_of_landmarks(points: Array, source: Source) -> str:
+def path_of_landmarks(points: Array, source: Source, *, told: bool = False) -> str:
     """A note that says whether the landmarks (T, 33, 3) move with the person, or about the hips alone.
 
     Raises CaptureError for image landmarks. They are told apart by the size of the body, which is in metres
     unless the user named another unit; where a close person's legs measure as much in shares of a picture as
-    a child's in metres, by the depth of the hips, which image landmarks do not have.
+    a child's in metres, by the depth of the hips, which image landmarks do not have. told: the unit is the
+    one that makes the legs a person's, so that their size says nothing.
     """
     hips = points[:, [NUMBER["left_hip"], NUMBER["right_hip"]]].mean(axis=1)
     seen = hips[np.isfinite(hips).all(axis=-1)]
@@ -82,7 +83,9 @@ def path_of_landmarks(points: Array, source: Source) -> str:
     depth = np.median(np.abs(seen[:, 2]))
     leg = leg_length(points)
     in_picture = _PICTURE[0] <= low and high <= _PICTURE[1]
-    if in_picture and depth <= _ORIGIN and leg < USUAL_LEG[0]:
+    if told and depth <= _ORIGIN:
+        found = "hips that move, but have no depth: image landmarks in pixels?"
+    elif in_picture and depth <= _ORIGIN and leg < USUAL_LEG[0]:
         found = f"image landmarks, shares of a picture (the middle of the hips at {x:.2f}, {y:.2f})"
     elif source.unit is None and not LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
         found = f"a leg of {leg:.4g}, the middle of the hips at {x:.4g}, {y:.4g}: image landmarks in pixels?"

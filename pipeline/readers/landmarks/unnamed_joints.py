@@ -68,7 +68,8 @@ def clip_of_unnamed(
         unit = infer_unit(nodes, skeleton.parents, bones, source.path, named=source.unit)
     refuse_remote(points * unit.metres, joint_set.joints, source, unit=unit.name)
     if joint_set.joints == LANDMARKS:
-        notes.append(path_of_landmarks(points * unit.metres, source))
+        told = source.unit is None and unit.name != "m"
+        notes.append(path_of_landmarks(points * unit.metres, source, told=told))
     states = None
     if visibility.size:
         own = [joint_set.nodes[node] for node in nodes]

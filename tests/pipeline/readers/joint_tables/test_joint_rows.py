@@ -14,7 +14,14 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.landmarks.joint_sets import AZURE_KINECT, KINECT_V1, KINECT_V2, SETS, JointSet
+from kinemimic.pipeline.readers.landmarks.joint_sets import (
+    AZURE_KINECT,
+    KINECT_V1,
+    KINECT_V2,
+    MEDIAPIPE,
+    SETS,
+    JointSet,
+)
 
 FRAMES = 40
 HUMAN36M, COCO = SETS[:2]
@@ -95,6 +102,17 @@ def test_places_in_a_picture_are_no_body(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(table(flat.reshape(FRAMES, -1)))
     with pytest.raises(CaptureError, match="found places in a picture with a confidence"):
         recognise.read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("pixels", [80.0, 300.0, 900.0])
+def test_landmarks_in_pixels_are_no_body(pixels: float, tmp_path: Path) -> None:
+    """As a well-known lesson writes them for Unity: with a depth about the hips, in pixels too."""
+    shown = places(MEDIAPIPE)
+    hips = shown[:, 23:25].mean(axis=1, keepdims=True)
+    flat = np.round(pixels * (shown - hips * [0.0, 0.0, 1.0] + [0.5, -2.0, 0.0]))
+    (tmp_path / "a.txt").write_text(table(flat.reshape(FRAMES, -1)))
+    with pytest.raises(CaptureError, match=r"expected (?:world landmarks|a leg)"):
+        recognise.read(tmp_path / "a.txt")
 
 
 def test_a_damaged_row_is_named(tmp_path: Path) -> None:

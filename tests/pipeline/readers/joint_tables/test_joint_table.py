@@ -90,6 +90,15 @@ def visual3d() -> str:
     return above + table(["ITEM", *("X", "Y", "Z") * len(NAMES), ""], rows, "\t")
 
 
+def in_rows(form: str, header: str = "") -> str:
+    lines = [
+        f"{number},{int(1000 * time)},"
+        + ",".join(form.format(*joint) for joint in zip(NAMES, *frame.T, strict=True))
+        for number, (time, frame) in enumerate(zip(TIMES, POINTS, strict=True))
+    ]
+    return "\n".join([*([header] if header else []), *lines, ""])
+
+
 LAYOUTS: dict[str, Callable[[], str]] = {
     "a column for each coordinate": lambda: table(["Time", *AXES], wide()),
     "glued names": lambda: table(["Time", *(name.replace("_", "") for name in AXES)], wide()),
@@ -114,6 +123,13 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     "tuples": lambda: table(["Time", *NAMES], places("({}, {}, {})")),
     "arrays": lambda: table(["Time", *NAMES], places("[{} {}  {}]"), ";"),
     "dictionaries": lambda: table(["Time", *NAMES], places("{{'x': {}, 'y': {}, 'z': {}}}")),
+    "names in every row": lambda: in_rows("{}: {} {} {}"),
+    "names in every row, in brackets": lambda: in_rows("({},Tracked,{},{},{},960.5,540.5)", "Version0.1"),
+    "names in every row, under a header": lambda: in_rows(
+        "{},TRACKED,{},{},{},0.5,0.5,0.5,0.5",
+        "Index,Time"
+        + ",Joint,Status,PositionX,PositionY,PositionZ,RotationW,RotationX,RotationY,RotationZ" * 20,
+    ),
     "no names": lambda: table([], wide(scale=1000)),
 }
 
