@@ -2,7 +2,7 @@
 
 Kinect v1 and v2 assume that every body faces the sensor, and so swap the sides of a person who walks away.
 In such passes the body seems to walk backward on knees that bend forward. (The knees of a person who really
-walks backward bend the usual way.) The toes, which the sensor makes up pointing towards the sensor, stay in
+walks backward bend the usual way.) The toes, which the sensor invents, pointing towards itself, stay in
 place and are marked as inferred. Euler captures are only flagged.
 """
 
@@ -64,7 +64,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, [Defect("swapped_sides", count, "frames", "flagged", text, frames)]
     repaired = swap_sides(clip, swapped, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
     feet = [joint for node, joint in joints_by_name(clip.skeleton.names).items() if node.startswith("foot")]
-    # The sensor did not see the toes that it placed towards the sensor.
+    # The sensor did not see the toes that it placed towards itself.
     rows = np.flatnonzero(swapped)[:, None]
     repaired.states[rows, feet] = np.minimum(repaired.states[rows, feet], INFERRED)
     text += "left and right swapped back"
