@@ -4,19 +4,23 @@ A joint's rotation is the product of its rotation channels in the order of the f
 by the one before (intrinsic). Position channels replace the joint's OFFSET and are not added to it: Kinect
 exporters (Brekel) write both, and adding them would double every bone. Only where they would leave no bones,
 as the zeros that some tools write for every joint, are they added. Scale channels are not applied: bones
-have the lengths of the hierarchy. The file's world is Y up.
+have the lengths of the hierarchy. The file's world is Y up, or Z up if its skeleton stands along Z (Blender).
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.joints_by_tree import named_by_tree
-from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
+from kinemimic.pipeline.kinematics.vectors import unit as unit_of
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
@@ -37,6 +41,8 @@ RATE = 30.0
 _AXES = "XYZ"
 # Share of an OFFSET's length below which position channels cannot be in place of it.
 _NO_BONE = 0.1
+# Cosine of the angle to Z within which a trunk or a leg stands.
+_UPRIGHT = 0.8
 # A T-pose is one frame, at most a few; a longer still pose means that the subject is not there yet
 # (quality/passes.py).
 _MAX_CALIBRATION = 5
@@ -66,10 +72,16 @@ def read(source: Source) -> Clip:
     orders, euler, offsets = channels(bvh)
     relative = _add_offsets(bvh, offsets)
     parents = tuple(joint.parent for joint in bvh.joints)
-    names, by_tree = _names(bvh, parents, orders, euler, offsets)
+    some = slice(None, None, len(euler) // _SAMPLED_FRAMES + 1)
+    named = Skeleton(
+        tuple(joint.name for joint in bvh.joints), parents, np.array([joint.offset for joint in bvh.joints])
+    )
+    posed = positions_of_channels(named, offsets[some], euler[some], orders, IDENTITY)
+    names, by_tree = named_by_tree(named.names, parents, posed)
+    z_up = _stands_along_z(replace(named, names=names), posed)
     unit = infer_unit(names, parents, offsets, source.path, named=source.unit)
     translations = offsets * unit.metres
-    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)
+    skeleton = Skeleton(names, parents, named.offsets * unit.metres)
     first, note = calibration_frames(euler, orders)
     defects = unit.defects
     if first:
@@ -77,6 +89,8 @@ def read(source: Source) -> Clip:
     notes = [by_tree] if by_tree else []
     if relative:
         notes.append("position channels below the root are about zero: they are added to the offsets")
+    if z_up:
+        notes.append("the skeleton stands along Z in the file: Z is up")
     if bvh.commas:
         notes.append("the numbers have decimal commas")
     if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
@@ -107,6 +121,7 @@ def read(source: Source) -> Clip:
             notes=notes,
             channels=int(bvh.motion.shape[1]),
         ),
+        world_from_file=IDENTITY if z_up else Y_UP_TO_Z_UP,
     )
 
 
@@ -129,18 +144,33 @@ def _add_offsets(bvh: BvhText, local: Array) -> bool:
     return True
 
 
-def _names(
-    bvh: BvhText, parents: tuple[int, ...], orders: tuple[str, ...], euler: Array, offsets: Array
-) -> tuple[tuple[str, ...], str | None]:
-    """The joints' names, as `named_by_tree`."""
-    names = tuple(joint.name for joint in bvh.joints)
-    some = slice(None, None, len(euler) // _SAMPLED_FRAMES + 1)
-    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]))
-    return named_by_tree(
-        names,
-        parents,
-        positions_of_channels(skeleton, offsets[some], euler[some], orders, Y_UP_TO_Z_UP),
+def _stands_along_z(skeleton: Skeleton, posed: Array) -> bool:
+    """Whether a body stands along Z at rest, as its offsets place it, and its trunk in most of the frames
+    (T, J, 3), all in the file's axes.
+
+    A skeleton that stands along another axis at rest, or along none, says nothing about Z: then somebody may
+    lie on the floor.
+    """
+    rest = skeleton.offsets.copy()
+    for joint, parent in enumerate(skeleton.parents):
+        rest[joint] += rest[parent] if parent >= 0 else 0.0
+    resting, moving = (_heights(skeleton.names, points) for points in (rest[None], posed))
+    if resting is None or moving is None:
+        return False
+    return min(float(np.min(resting)), float(np.median(moving[0]))) > _UPRIGHT
+
+
+def _heights(names: tuple[str, ...], points: Array) -> tuple[Array, Array] | None:
+    """Share of its length (T,) by which the trunk rises along Z, and the legs; None without these."""
+    found = joints_by_name(names)
+    top = next((found[node] for node in ("shoulder_center", "head", "shoulder_left") if node in found), None)
+    if top is None or not set(REQUIRED) <= found.keys():
+        return None
+    hips, ankles = (
+        0.5 * (points[:, found[f"{joint}_left"]] + points[:, found[f"{joint}_right"]])
+        for joint in ("hip", "ankle")
     )
+    return unit_of(points[:, top] - hips)[:, 2], unit_of(hips - ankles)[:, 2]
 
 
 def channels(bvh: BvhText) -> tuple[tuple[str, ...], Array, Array]:

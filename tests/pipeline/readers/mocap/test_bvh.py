@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import bvh as samples_bvh
 from samples import source_of
 
 from kinemimic.pipeline.arrays import Array
@@ -78,6 +79,28 @@ def test_any_order_of_three_channels(bvh: Text, order: str) -> None:
         [turn(a, np.degrees(v)) for a, v in zip(order, clip.euler[0, joint], strict=True)]
     )
     assert np.allclose(to_matrix(q), product, atol=1e-12)
+
+
+def z_up(text: str) -> str:
+    """The same skeleton and motion in axes of which Z is up: Z becomes X, X becomes Y, Y becomes Z."""
+    head, _, motion = text.partition("MOTION")
+    head = re.sub(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", r"OFFSET \3 \1 \2", head)
+    head = re.sub("[XYZ](?=position|rotation)", lambda axis: {"X": "Y", "Y": "Z", "Z": "X"}[axis[0]], head)
+    return f"{head}MOTION{motion}"
+
+
+def test_a_skeleton_that_stands_along_z() -> None:
+    """As Blender exports it. Somebody who lies, or whose root stands the skeleton up, has Y up."""
+    text = samples_bvh.files(40)["walk.bvh"].decode()
+    usual, turned = (reader.read(source_of(one, PATH)) for one in (text, z_up(text)))
+    np.testing.assert_allclose(turned.positions, usual.positions, atol=1e-12)
+    assert "Z is up" in turned.provenance["reading"]["notes"][0]
+    for lying, root in ((text, ["0", "90", "0"]), (z_up(text), ["-90", "0", "0"])):
+        head, step, motion = lying.partition("Frame Time: 0.00833333\n")
+        rows = [row.split() for row in motion.splitlines()]
+        rows = [[*row[:3], *root, *row[6:]] for row in rows]
+        clip = reader.read(source_of(head + step + "\n".join(map(" ".join, rows)), PATH))
+        assert not clip.provenance["reading"]["notes"]
 
 
 def test_position_channels_replace_the_offset(bvh: Text) -> None:
