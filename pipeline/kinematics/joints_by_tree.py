@@ -189,8 +189,10 @@ def _trunk(parents: tuple[int, ...], p: Array, leg: _Limb, arm: _Limb, taken: se
     """The spine above the pelvis, and the neck and head above the arms' branch, if they are there."""
     size = leg.length
     found: dict[str, int] = {}
+    # Legs and trunk may hang from a waist, and that from the origin of the scene.
+    carry_legs = {leg.branch, *(j for j in range(len(parents)) if _is_below(leg.branch, j, parents))}
     chain = [arm.branch]
-    while parents[chain[-1]] >= 0 and chain[-1] != leg.branch:
+    while parents[chain[-1]] >= 0 and parents[chain[-1]] not in carry_legs:
         chain.append(parents[chain[-1]])
     hips = p[:, leg.branch]
     above = [j for j in reversed(chain) if np.median(np.linalg.norm(p[:, j] - hips, axis=-1)) > 0.03 * size]

@@ -39,6 +39,18 @@ def test_joints_for_twist_are_no_knees() -> None:
     assert (found["knee_left"], found["ankle_left"]) == (knee, ankle + 1)
 
 
+def test_legs_and_trunk_that_hang_from_a_waist_below_the_origin() -> None:
+    """As in MikuMikuDance: the origin, which stays, is no spine."""
+    waist = SHOWN.joints[:, :1] + [0.0, 0.0, 0.05]
+    points = np.concatenate([np.zeros_like(waist), waist, SHOWN.joints], axis=1)
+    parents = (-1, 0, *(parent + 2 for parent in NODE_PARENTS))
+    spine = NODES.index("spine") + 2
+    parents = tuple(1 if joint == spine else parent for joint, parent in enumerate(parents))
+    found = joints_by_tree(parents, points)
+    assert found is not None
+    assert (found["spine"], found["knee_left"]) == (spine, NODES.index("knee_left") + 2)
+
+
 def test_what_is_not_clearly_a_person_is_not_named() -> None:
     long_arms = SHOWN.joints.copy()
     arms = [NODE_INDEX[f"{joint}_{s}"] for joint in ("elbow", "wrist", "hand") for s in ("left", "right")]
