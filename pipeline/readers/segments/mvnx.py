@@ -1,9 +1,9 @@
 """Xsens MVNX: the movement that MVN computed from a suit of inertial sensors, as XML.
 
 A frame has the orientation (quaternion, w first, from the segment's axes to the world's) and the position of
-the origin, its upper joint, of each of 23 segments, in metres; the world is X forward, Y left, Z up, and so
-is every segment in the identity pose. Angles of the joints (degrees; abduction, rotation, flexion) are MVN's
-own.
+the origin, its upper joint, of each of 23 segments, or of the pelvis and the legs alone, in metres; the world
+is X forward, Y left, Z up, and so is every segment in the identity pose. Angles of the joints (degrees;
+abduction, rotation, flexion) are MVN's own.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.rotations import IDENTITY
-from kinemimic.pipeline.kinematics.skeleton import Skeleton
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, rotate
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED, Skeleton
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
@@ -36,6 +37,9 @@ _MAX_COORDINATE = 1e4
 _RATES = (1.0, 1000.0)
 # The times are whole milliseconds, of which a rate of 60 Hz makes steps of 16 and 17.
 _TIME_DIGITS = 1.1e-3
+_PELVIS = "Pelvis"
+# Metres from the pelvis; only its direction counts.
+_SPINE = 0.15
 # Angle of ours -> MVN's joint; the third of its three angles is the flexion.
 _ANGLES: dict[str, str] = {
     f"{joint.lower()}_{side.lower()}": f"j{side}{joint}"
@@ -69,6 +73,11 @@ def read(source: Source) -> Clip:
     else:
         positions = chain_positions(content, skeleton, turns, source)
         notes.append(NOTE)
+    states = None
+    if turns is not None and _is_legs(skeleton):
+        skeleton, positions, turns = _with_trunk(skeleton, positions, turns)
+        states = np.array([*[TRACKED] * count, INFERRED], dtype=np.uint8)
+        notes.append("no segments of the trunk: it is assumed upright on the pelvis, as in the calibration")
     times, later, defects = _times(content, source)
     if content.subjects > 1:
         text = f"{plural(content.subjects - 1, 'more subject')} in the file: the first is read"
@@ -77,7 +86,7 @@ def read(source: Source) -> Clip:
         skeleton,
         times,
         positions[later],
-        None,
+        None if states is None else np.broadcast_to(states, (len(times), count + 1)),
         format=FORMAT,
         reading=reading(
             units="m",
@@ -114,6 +123,32 @@ def _skeleton(content: Content, source: Source) -> Skeleton:
         ordered += ready
     parents = tuple(ordered.index(above[name]) if name in above else -1 for name in ordered)
     return Skeleton(tuple(ordered), parents, np.zeros((len(ordered), 3)))
+
+
+def _is_legs(skeleton: Skeleton) -> bool:
+    """Whether these are the segments of MVN's lower body alone."""
+    found = joints_by_name(skeleton.names)
+    return _PELVIS in skeleton.names and not found.keys() & {
+        "spine",
+        "shoulder_center",
+        "head",
+        "shoulder_left",
+    }
+
+
+def _with_trunk(skeleton: Skeleton, positions: Array, turns: Array) -> tuple[Skeleton, Array, Array]:
+    """The segments, and a spine above the pelvis along its Z, which is upright in the calibration."""
+    pelvis = skeleton.names.index(_PELVIS)
+    spine = positions[:, pelvis] + rotate(turns[:, pelvis], np.array([0.0, 0.0, _SPINE]))
+    return (
+        Skeleton(
+            (*skeleton.names, "spine"),
+            (*skeleton.parents, pelvis),
+            np.vstack([skeleton.offsets, np.zeros(3)]),
+        ),
+        np.concatenate([positions, spine[:, None]], axis=1),
+        np.concatenate([turns, turns[:, [pelvis]]], axis=1),
+    )
 
 
 def _positions(content: Content, skeleton: Skeleton, order: list[int], source: Source) -> Array:

@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orientation.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.rotations import angle_between, conjugate, rotate
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
@@ -54,6 +54,17 @@ def test_the_walk() -> None:
     for node in ("hip_left", "knee_left", "elbow_right"):
         apart = angle_between(recorded.rotations[:, NODE_INDEX[node]], shown.rotations[:, NODE_INDEX[node]])
         assert apart.max() < np.radians(1.0)
+
+
+def test_the_pelvis_and_the_legs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    legs = ("Pelvis", "UpperLeg", "LowerLeg", "Foot", "Toe")
+    monkeypatch.setattr(sample, "TREE", tuple(row for row in sample.TREE if row[0].endswith(legs)))
+    clip, own = read("\n".join(sample.document(FRAMES))), leg_angles(rigid_walk(FRAMES, sample.RATE).joints)
+    assert "no segments of the trunk" in clip.provenance["reading"]["notes"][-1]
+    points, states = to_nodes(clip)
+    assert (states[:, NODE_INDEX["spine"]] == INFERRED).all()
+    for name, curve in leg_angles(points).items():
+        assert np.degrees(np.abs(curve - own[name])).max() < 0.1, name
 
 
 def with_points(text: str, places: dict[str, Array]) -> str:
