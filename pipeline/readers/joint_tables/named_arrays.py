@@ -31,8 +31,9 @@ FORMAT = Format(
     binary=True,
 )
 _FEWEST = len(REQUIRED)
-# Of several arrays of that shape, places are none of these, and rather called so.
-_NO_PLACES = re.compile(r"vel|acc|rot|euler|angle|angular|force|moment|offset", re.IGNORECASE)
+# Of several arrays of that shape, places are none of these (MuJoCo's xipos are centres of mass), and rather
+# called so.
+_NO_PLACES = re.compile(r"vel|acc|rot|euler|angle|angular|force|moment|offset|ipos|mass|com\b", re.IGNORECASE)
 _PLACES = re.compile(r"pos|point|joint|marker|coord|xyz|data", re.IGNORECASE)
 
 
@@ -65,8 +66,7 @@ def read(source: Source) -> Clip:
 def _choice(source: Source) -> tuple[str, tuple[str, ...]] | None:
     """The name of the array of places, and the joints' names."""
     shapes = array_shapes(source)
-    lists = [name for name, shape in shapes.items() if len(shape) == 1 and shape[0] >= _FEWEST]
-    for name in lists:
+    for name in sorted(name for name, shape in shapes.items() if len(shape) == 1 and shape[0] >= _FEWEST):
         try:
             words = read_arrays(source, [name])[name]
         except CaptureError:
@@ -75,7 +75,7 @@ def _choice(source: Source) -> tuple[str, tuple[str, ...]] | None:
             continue
         fitting = [
             places
-            for places, shape in shapes.items()
+            for places, shape in sorted(shapes.items())
             if len(shape) == 3 and shape[1:] == (len(joints), 3) and not _NO_PLACES.search(places)
         ]
         if fitting:
@@ -100,10 +100,10 @@ def _numbers(values: NDArray[Any], name: str, source: Source) -> Array:
 def _times(count: int, source: Source) -> Array | None:
     """The archive's times of the frames (T,), or seconds at its rate; None if it has neither."""
     shapes = array_shapes(source)
-    clock = next((name for name, shape in shapes.items() if says_time(name) and shape == (count,)), None)
+    clock = next((name for name in sorted(shapes) if says_time(name) and shapes[name] == (count,)), None)
     if clock is not None:
         return _numbers(read_arrays(source, [clock])[clock], clock, source)
-    rate = next((name for name, shape in shapes.items() if is_rate(name) and shape in ((), (1,))), None)
+    rate = next((name for name in sorted(shapes) if is_rate(name) and shapes[name] in ((), (1,))), None)
     if rate is None:
         return None
     stated = stated_rate(rate, read_arrays(source, [rate])[rate].reshape(-1)[0].item(), source)

@@ -17,6 +17,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 
@@ -50,6 +51,28 @@ def test_markers_in_millimetres_with_times() -> None:
     assert clip.provenance["reading"]["units"] == "mm"
     for name, curve in leg_angles(to_nodes(clip)[0]).items():
         assert np.abs(curve - SHOWN.angles[name]).max() < 1e-5, name
+
+
+def test_places_are_neither_velocities_nor_centres_of_mass() -> None:
+    """MuJoCo's names: the order of the archive does not matter."""
+    points = SHOWN.joints[:, [NODE_INDEX[node] for node in sample.BODIES.values()]]
+    arrays = {
+        "xpos": points,
+        "xipos": 0.5 * points,
+        "cvel_linear": 0.0 * points,
+        "subtree_com": points[:, ::-1],
+    }
+    names = np.array(list(sample.BODIES))
+    clips = [
+        read(archive(body_names=names, **dict(items))) for items in (arrays.items(), [*arrays.items()][::-1])
+    ]
+    for clip in clips:
+        assert (
+            np.abs(
+                to_nodes(clip)[0][:, NODE_INDEX["knee_left"]] - SHOWN.joints[:, NODE_INDEX["knee_left"]]
+            ).max()
+            < 1e-6
+        )
 
 
 def test_no_body() -> None:
