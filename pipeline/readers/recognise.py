@@ -60,6 +60,7 @@ _MODULES: tuple[str, ...] = (
     "kinect.azure_kinect",
     "kinect.azure_csv",
     "kinect.processing_session",
+    "kinect.unity_recording",
     "public_datasets.uiprmd",
     "public_datasets.uiprmd_vicon",
     "public_datasets.utkinect",
