@@ -121,12 +121,15 @@ def _candidates(values: Array) -> Iterator[Order]:
     for name, joints in ORDERS.items():
         for step in _JOINT_STEPS:
             spare = width - step * len(joints)
+            # A second person may follow who is not there, as in PKU-MMD.
+            if spare >= step * len(joints) and not values[:, -step * len(joints) :].any():
+                spare -= step * len(joints)
             if not 0 <= spare <= _MAX_SPARE:
                 continue
             chosen = _sampled(values)
             position_columns = step * np.arange(len(joints))[:, None] + np.arange(3)
             # A state may precede or follow a joint's position.
-            for first in range(width - int(position_columns.max())):
+            for first in range(spare + step - 2):
                 score = body_score(chosen[:, first + position_columns], joints)
                 yield Order(name, joints, first, step, score, np.inf, spare)
         if width <= _JOINT_STEPS[-1] + 2 and rows >= 2 * len(joints):

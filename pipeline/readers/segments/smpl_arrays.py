@@ -19,7 +19,7 @@ from kinemimic.pipeline.readers.base.source import Source
 BODY = 22
 _COUNTS = (BODY, 24, 52, 55)
 # What is in the world comes before what is in the camera's axes.
-_WHOLE: tuple[str, ...] = ("poses", "pose_world", "pose", "smpl_pose", "thetas")
+_WHOLE: tuple[str, ...] = ("poses", "pose_world", "pose", "fullpose", "smpl_pose", "thetas")
 _ROOT: tuple[str, ...] = ("root_orient", "global_orient", "root_pose")
 _PARTS: tuple[str, ...] = ("pose_body", "body_pose")
 _PATH: tuple[str, ...] = ("trans_world", "trans", "transl", "translation")

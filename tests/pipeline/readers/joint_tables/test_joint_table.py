@@ -179,6 +179,19 @@ def test_unnamed_joints_of_a_kinect_v2_are_not_those_of_a_v1(tmp_path: Path) -> 
     assert set(angles(tmp_path / "a.txt")) == set(ANGLES)
 
 
+def test_a_second_person_of_zeros_behind_the_first(tmp_path: Path) -> None:
+    """As in PKU-MMD; a joint at the end that was never seen is the first person's."""
+    points = y_up(kinect_v2_joints(walk(FRAMES)))
+    alone, never = (np.where(np.arange(25)[:, None] >= last, 0.0, points) for last in (25, 24))
+    for places in (alone, never):
+        (tmp_path / "a.txt").write_text(table([], wide(np.hstack([places, np.zeros_like(places)])), " "))
+        clip = recognise.read(tmp_path / "a.txt")
+        assert len(clip.skeleton.names) == len(SDK_JOINTS)
+        truth = leg_angles(walk(FRAMES).joints, times=TIMES)
+        for name, found in angles(tmp_path / "a.txt").items():
+            assert np.degrees(np.abs(found - truth[name])).max() < 0.1
+
+
 @pytest.mark.parametrize("long", [False, True])
 def test_of_several_people_the_one_seen_in_most_rows(long: bool, tmp_path: Path) -> None:
     """The others stand beside, or are rows of zeros; their numbers are no states."""

@@ -79,6 +79,7 @@ def test_the_names_and_shapes_of_other_programs(rate: str) -> None:
         {"global_orient": root[:, None], "body_pose": body.reshape(FRAMES, 23, 3), "trans": arrays["trans"]},
         {"global_orient": matrices[:, :1], "body_pose": matrices[:, 1:], "transl": arrays["trans"]},
         {"poses": poses.reshape(FRAMES, 24, 3), "trans": arrays["trans"][:, None]},
+        {"fullpose": poses.reshape(FRAMES, 24, 3), "transl": arrays["trans"]},
         {"pose": root, "pose_world": poses, "trans": root, "trans_world": arrays["trans"]},
     ]
     for other in others:
