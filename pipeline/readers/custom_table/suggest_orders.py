@@ -37,6 +37,11 @@ ORDERS: dict[str, tuple[str, ...]] = {
         "elbow_right", "wrist_right", "hip_left", "knee_left", "ankle_left", "hip_right", "knee_right",
         "ankle_right",
     ),
+    "OpenNI, as in KARD": (
+        "head", "shoulder_center", "shoulder_right", "elbow_right", "wrist_right", "shoulder_left",
+        "elbow_left", "wrist_left", "spine", "hip_right", "knee_right", "ankle_right", "hip_left",
+        "knee_left", "ankle_left",
+    ),
 }  # fmt: skip
 # Columns per joint: position; with a state; with a quaternion; with both.
 _JOINT_STEPS = (3, 4, 7, 8)

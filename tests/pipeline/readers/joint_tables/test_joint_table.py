@@ -242,7 +242,7 @@ def test_somebody_who_comes_late(nothing: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", [name for name in ORDERS if "Ni" in name or "NI" in name])
 def test_fifteen_joints_without_names(order: str, tmp_path: Path) -> None:
-    """OpenNI's joints in millimetres, in the three orders in which data sets list them."""
+    """OpenNI's joints in millimetres, in the four orders in which data sets list them."""
     points = POINTS[:, [NODE_INDEX[node] for node in ORDERS[order]]]
     (tmp_path / "a.txt").write_text(table([], wide(1000 * points, scale=1000), " "))
     truth = leg_angles(walk(FRAMES).joints, times=TIMES)
