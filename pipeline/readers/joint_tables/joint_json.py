@@ -62,6 +62,8 @@ _ORDERED = frozenset(map(len, ORDERS.values()))
 # Objects around the frames.
 _MOST_AROUND = 3
 _PERSON = "body_id"
+# Keys of a time of ROS 1, of OpenPTrack and of ROS 2.
+_STAMPS = (("secs", "nsecs"), ("sec", "nsec"), ("sec", "nanosec"))
 
 
 def recognises(source: Source) -> bool:
@@ -202,12 +204,22 @@ def _cells(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         axes = "xyzw" if len(value) in (3, 4) and all(_is_number(one) for one in value) else ""
         for place, one in enumerate(value):
             yield from _cells(one, _joined(path, axes[place] if axes else _name(one) or f"{place}"))
+    elif isinstance(value, dict) and (stamp := _stamp(value)) is not None:
+        yield _joined(path, "time"), stamp
     elif isinstance(value, dict):
         for key, one in value.items():
             if key.lower() in _PICTURE or (path and key.lower() in _NAMES and isinstance(one, str)):
                 continue
             camera = _CAMERA.fullmatch(key)
             yield from _cells(one, _joined(path, camera[1].lower() if camera else key))
+
+
+def _stamp(value: dict[str, Any]) -> float | None:
+    """The seconds of a time of ROS, which are two whole numbers."""
+    parts = tuple(value.values())
+    if tuple(value) not in _STAMPS or not all(_is_number(part) and 0 <= part < 2**63 for part in parts):
+        return None
+    return float(parts[0] + 1e-9 * parts[1])
 
 
 def _place_of_matrix(value: list[Any]) -> list[Any] | None:

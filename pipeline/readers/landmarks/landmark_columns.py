@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, NUMBER
 from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS
@@ -83,6 +84,12 @@ def landmark_columns(names: Sequence[str]) -> dict[int, tuple[int, str]]:
     places = {column: (number, part.field) for column, (number, part) in found.items()}
     world = {column for column, (_, part) in found.items() if part.world}
     return {column: places[column] for column in _of_the_world(places, world)}
+
+
+def names_pelvis(names: Sequence[str]) -> bool:
+    """Whether a column is of a pelvis, which is none of MediaPipe's landmarks."""
+    parts = (_Name.of(name) for name in names)
+    return "hip_center" in joints_by_name(tuple({" ".join(part.landmark) for part in parts if part}))
 
 
 def mark_column(names: Sequence[str]) -> int | None:

@@ -24,7 +24,7 @@ from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     clip_of_landmarks,
     path_of_landmarks,
 )
-from kinemimic.pipeline.readers.landmarks.landmark_columns import landmark_columns, mark_column
+from kinemimic.pipeline.readers.landmarks.landmark_columns import landmark_columns, mark_column, names_pelvis
 from kinemimic.pipeline.readers.landmarks.landmark_table import table_of_frames, table_of_landmarks
 from kinemimic.pipeline.readers.landmarks.one_person import rows_of_one_person
 from kinemimic.pipeline.readers.landmarks.video_clock import times_of_frames
@@ -40,12 +40,17 @@ _SEPARATORS = (",", ";", "\t")
 
 
 def recognises(source: Source) -> bool:
-    """True if the first line names x, y and z of most landmarks of the legs, or has a column Landmark."""
+    """True if the first line names x, y and z of most landmarks of the legs, or has a column Landmark.
+
+    A table of half of the landmarks and a pelvis is of another sensor.
+    """
     names = _names(source)
     if mark_column(names) is not None:
         return True
     found = set(landmark_columns(names).values())
-    return sum((NUMBER[leg], field) in found for leg in LEGS for field in "xyz") > 1.5 * len(LEGS)
+    if sum((NUMBER[leg], field) in found for leg in LEGS for field in "xyz") <= 1.5 * len(LEGS):
+        return False
+    return len({number for number, _ in found}) > 0.5 * len(LANDMARKS) or not names_pelvis(names)
 
 
 def read(source: Source) -> Clip:

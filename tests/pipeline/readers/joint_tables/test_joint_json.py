@@ -77,6 +77,12 @@ LAYOUTS: dict[str, Callable[[], Any]] = {
         "frames": each(lambda t, places: {"pose": dict(zip(NAMES, places, strict=True))}),
     },
     "in the sensor's order": lambda: each(lambda t, places: {"time": t, "skeleton": places}),
+    "times of ROS": lambda: each(
+        lambda t, places: {
+            "header": {"seq": round(RATE * t), "stamp": {"sec": int(1e9 + t), "nsec": round(t % 1 * 1e9)}},
+            "persons": [{"id": 1, "joints": by_name(places)}],
+        }
+    ),
     "frames by their numbers": lambda: {
         f"{k}": frame
         for k, frame in enumerate(each(lambda t, places: {"time": t, "joints": by_name(places)}))

@@ -14,6 +14,7 @@ from samples.motion import walk
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS
 from kinemimic.pipeline.readers.landmarks.landmark_columns import landmark_columns
@@ -132,6 +133,20 @@ def test_of_image_and_world_landmarks_the_latter_are_read(world: str, world_firs
     other = sample.table(WORLD, {"time": EVEN / 30.0}, world).split("\n")
     pairs = zip(other, image, strict=True) if world_first else zip(image, other, strict=True)
     check(read("\n".join(",".join(pair) for pair in pairs if all(pair)) + "\n"))
+
+
+def test_a_pelvis_and_few_landmarks_are_another_sensors() -> None:
+    """All landmarks and a pelvis that a program added are MediaPipe's."""
+    lines = sample.table(WORLD, {"time": EVEN / 30.0}, "{name}_{axis}").split("\n")
+    pelvis = ["pelvis_x,pelvis_y,pelvis_z", *["0.001,0,0"] * FRAMES, ""]
+    check(read("\n".join(f"{line},{more}" if line else "" for line, more in zip(lines, pelvis, strict=True))))
+    nodes = [node.replace("hip_center", "pelvis") for node in NODES]
+    names = ["_".join(reversed(node.split("_"))) for node in nodes]
+    header = ",".join(["time", *(f"{name}_{axis}" for name in names for axis in "xyz")])
+    rows = [",".join(map(str, [k / 30.0, *places.ravel()])) for k, places in enumerate(SHOWN.joints)]
+    clip = read("\n".join([header, *rows]) + "\n")
+    assert clip.provenance["format"] == "joint table"
+    assert len(clip.skeleton.names) == len(NODES)
 
 
 def test_a_field_in_brackets() -> None:
