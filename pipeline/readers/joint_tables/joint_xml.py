@@ -6,7 +6,9 @@ object's entries alike; elements of one name within another are a list.
 
 from __future__ import annotations
 
+import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 from xml.parsers import expat
@@ -56,7 +58,12 @@ class _Element:
         self.name = _local(name)
         self.attributes = {_local(key): value for key, value in attributes.items() if key[:5] != "xmlns"}
         self.elements: list[_Element] = []
-        self.text = ""
+        self.texts: list[str] = []
+
+    @property
+    def text(self) -> str:
+        """What stands between its tags, without its elements."""
+        return "".join(self.texts)
 
 
 def _document(source: Source) -> Any:
@@ -80,7 +87,7 @@ def _document(source: Source) -> Any:
         within.append(element)
 
     def text(part: str) -> None:
-        within[-1].text += part
+        within[-1].texts.append(part)
 
     def entity(*_: object) -> None:
         raise source.error(expected="XML without entities", found="one", line=parser.CurrentLineNumber)
@@ -107,8 +114,8 @@ def _local(name: str) -> str:
 
 def _repeated(element: _Element) -> Iterator[tuple[str, str]]:
     """The names of elements of which one of another name has several, and that other's."""
-    names = [inner.name for inner in element.elements]
-    yield from ((element.name, name) for name in {*names} if names.count(name) > 1)
+    names = Counter(inner.name for inner in element.elements)
+    yield from ((element.name, name) for name, count in names.items() if count > 1)
     for inner in element.elements:
         yield from _repeated(inner)
 
@@ -134,6 +141,6 @@ def _value(text: str) -> Any:
     text = text.strip()
     number = to_number(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
     if number is not None:
-        return int(number) if text.isdecimal() else number
+        return int(number) if text.isdecimal() and math.isfinite(number) else number
     numbers = [to_number(part) for part in _NUMBERS.split(text.strip("()")) if part]
     return numbers if len(numbers) > 1 and None not in numbers else text

@@ -96,9 +96,13 @@ def _tables(columns: Sequence[str]) -> Iterator[list[list[str]]]:
 
 
 def _values(rows: Sequence[Row], joints: Sequence[Sequence[str]]) -> Listed | None:
+    """The numbers in these columns of each joint; None for words, and for numbers beyond any float."""
     columns = [column for joint in joints for column in joint]
     cells = [[row.get(column, np.nan) for column in columns] for row in rows]
     if any(isinstance(cell, str) for line in cells for cell in line):
         return None
-    values = np.array(cells, dtype=np.float64).reshape(len(rows), len(joints), -1)
+    try:
+        values = np.array(cells, dtype=np.float64).reshape(len(rows), len(joints), -1)
+    except OverflowError:  # JSON has integers of any size
+        return None
     return Listed(values[..., :3], values[..., 3:], frozenset(columns))

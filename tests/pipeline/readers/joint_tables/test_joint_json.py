@@ -204,3 +204,10 @@ def test_other_json_is_no_capture(content: Any, tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text(json.dumps(content))
     with pytest.raises(NotACaptureError, match=r"expected (?:frames with joints|a list of frames)"):
         recognise.read(tmp_path / "a.json")
+
+
+def test_integers_beyond_any_float_are_no_joints(tmp_path: Path) -> None:
+    frame = {"keypoints": [[k, 10**400, -1.0] for k in range(17)]}
+    (tmp_path / "a.json").write_text(json.dumps([frame] * 12))
+    with pytest.raises(NotACaptureError, match="expected frames with joints"):
+        recognise.read(tmp_path / "a.json")

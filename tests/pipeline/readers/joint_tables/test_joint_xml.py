@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -108,4 +109,21 @@ def test_damaged_xml(tmp_path: Path) -> None:
 def test_other_xml_is_no_capture(content: str, tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(content)
     with pytest.raises(NotACaptureError):
+        recognise.read(tmp_path / "a.xml")
+
+
+def test_time_grows_with_the_size_of_a_file(tmp_path: Path) -> None:
+    """Text in pieces, and elements of many names, cost no more than others."""
+    names = "".join(f"\n<j{k}>1</j{k}>" for k in range(30_000))
+    (tmp_path / "a.xml").write_text(f"<skeleton>{names}</skeleton>")
+    start = process_time()
+    with pytest.raises(NotACaptureError):
+        recognise.read(tmp_path / "a.xml")
+    assert process_time() - start < 10.0
+
+
+def test_numbers_beyond_any_float(tmp_path: Path) -> None:
+    frame = "".join(f'<joint x="{10**400}" y="1e400" z="{k}"/>' for k in range(17))
+    (tmp_path / "a.xml").write_text(f"<frames>{f'<frame>{frame}</frame>' * 12}</frames>")
+    with pytest.raises(CaptureError):
         recognise.read(tmp_path / "a.xml")
