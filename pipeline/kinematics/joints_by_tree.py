@@ -74,7 +74,9 @@ def joints_by_tree(parents: tuple[int, ...], positions: Array) -> dict[str, int]
     if len(pairs) < 2:
         return None
     legs, arms = pairs[0], next((pair for pair in pairs[1:] if _apart(pair, pairs[0], parents)), None)
-    if arms is None or not _is_a_person(p, legs, arms):
+    if arms is None or not is_a_person(
+        _middle(p, arms, 0), _middle(p, legs, 0), _middle(p, legs, 2), arm=arms[0].length, leg=legs[0].length
+    ):
         return None
     sides = _left_first(p, legs, arms)
     if sides is None:
@@ -158,16 +160,17 @@ def _middle(p: Array, pair: tuple[_Limb, _Limb], number: int) -> Array:
     return np.asarray(0.5 * (p[:, pair[0].joints[number]] + p[:, pair[1].joints[number]]))
 
 
-def _is_a_person(p: Array, legs: tuple[_Limb, _Limb], arms: tuple[_Limb, _Limb]) -> bool:
-    """Whether the proportions are a person's, and the trunk stands on the legs."""
-    trunk = _middle(p, arms, 0) - _middle(p, legs, 0)
-    up = _middle(p, legs, 0) - _middle(p, legs, 2)
+def is_a_person(shoulders: Array, hips: Array, ankles: Array, *, arm: float, leg: float) -> bool:
+    """Whether the proportions are a person's, and the trunk stands on the legs in most frames.
+
+    shoulders, hips, ankles: (T, 3), T > 0, the middles of each pair; arm, leg: lengths of the two main bones
+    of a limb, in the same unit.
+    """
+    trunk = shoulders - hips
     size = float(np.median(np.linalg.norm(trunk, axis=-1)))
-    angle = np.arccos(np.clip(np.sum(unit(trunk) * unit(up), axis=-1), -1.0, 1.0))
+    angle = np.arccos(np.clip(np.sum(unit(trunk) * unit(hips - ankles), axis=-1), -1.0, 1.0))
     return bool(
-        _ARMS[0] < arms[0].length / legs[0].length < _ARMS[1]
-        and _TRUNK[0] < size / legs[0].length < _TRUNK[1]
-        and np.median(angle) < _SITTING
+        _ARMS[0] < arm / leg < _ARMS[1] and _TRUNK[0] < size / leg < _TRUNK[1] and np.median(angle) < _SITTING
     )
 
 

@@ -2,7 +2,7 @@
 they show.
 
 An array has no names, and several sets have as many joints. In the right order, the bones of the limbs keep
-their lengths, and left and right ones are alike.
+their lengths, left and right ones are alike, and arms, trunk and legs have a person's proportions.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
+from kinemimic.pipeline.kinematics.joints_by_tree import is_a_person
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS, WORLD_FROM_CAMERA
@@ -177,7 +178,8 @@ def joint_set_of(points: Array) -> JointSet | None:
 
 def _error(points: Array, joint_set: JointSet) -> float:
     """Mean over the limbs' bones of the variation of their lengths, and of the difference between the sides,
-    as shares of the lengths; infinity if a bone is never seen, and for a pelvis that is not at the hips."""
+    as shares of the lengths; infinity if a bone is never seen, for a pelvis that is not at the hips, and for
+    proportions that are not a person's."""
     nodes = places(points[:: len(points) // _SAMPLE_FRAMES + 1], joint_set)
     medians, variations = [], []
     for limb in _LIMBS:
@@ -189,10 +191,26 @@ def _error(points: Array, joint_set: JointSet) -> float:
             return np.inf
         medians.append(median)
         variations.append(float(np.median(np.abs(lengths - median))) / median)
-    if not _pelvis_at_hips(nodes):
-        return np.inf
     left, right = np.array(medians[::2]), np.array(medians[1::2])
+    if not _pelvis_at_hips(nodes) or not _is_a_person(nodes, 0.5 * (left + right)):
+        return np.inf
     return float(np.mean(variations) + np.mean(np.abs(left - right) / np.maximum(left, right)))
+
+
+def _is_a_person(nodes: Mapping[str, Array], bones: Array) -> bool:
+    """Whether arms, trunk and legs are as long as a person's, relative to each other.
+
+    bones: lengths (4,) of upper arm, forearm, thigh and shank. Any numbers that hardly change make bones that
+    keep their lengths.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged file may hold any number
+        middles = [
+            0.5 * (nodes[f"{joint}_left"] + nodes[f"{joint}_right"]) for joint in ("shoulder", "hip", "ankle")
+        ]
+        shoulders, hips, ankles = (middle[np.isfinite(middles).all(axis=(0, 2))] for middle in middles)
+        return not len(hips) or is_a_person(
+            shoulders, hips, ankles, arm=bones[0] + bones[1], leg=bones[2] + bones[3]
+        )
 
 
 def _pelvis_at_hips(nodes: Mapping[str, Array]) -> bool:

@@ -48,7 +48,7 @@ def clip_of_unnamed(
     if joint_set is None:
         raise source.error(
             expected=f"{points.shape[1]} joints in a known order, whose limbs keep their lengths",
-            found="limbs that change their lengths, or differ between left and right",
+            found="limbs that change their lengths, differ between left and right, or are no person's",
             advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
         )
     times = times_of_frames(
