@@ -23,19 +23,24 @@ _PEOPLE = "people"
 
 
 def is_folder_of_frames(path: Path) -> bool:
-    """True for a folder of nothing but small JSON files whose names differ in their number alone."""
-    if not path.is_dir():
-        return False
+    """True for a folder of nothing but small JSON files whose names differ in their number alone, and hidden
+    files, which file managers leave behind."""
     names = set()
     count = 0
-    for entry in os.scandir(path):
-        match = _NUMBER.fullmatch(entry.name)
-        if match is None or not entry.is_file() or entry.stat().st_size > _MOST_BYTES:
-            return False
-        names.add((match["front"], match["behind"]))
-        count += 1
-        if len(names) > 1 or count > _MOST:
-            return False
+    try:
+        with os.scandir(path) as entries:
+            for entry in entries:
+                if _is_hidden(entry.name):
+                    continue
+                match = _NUMBER.fullmatch(entry.name)
+                if match is None or not entry.is_file() or entry.stat().st_size > _MOST_BYTES:
+                    return False
+                names.add((match["front"], match["behind"]))
+                count += 1
+                if len(names) > 1 or count > _MOST:
+                    return False
+    except OSError:  # no folder, or not ours to read
+        return False
     return count >= _FEWEST
 
 
@@ -44,17 +49,24 @@ def open_frames(folder: Path, unit: str | None = None) -> Source:
 
     Raises CaptureError for a file that is no JSON, and for more bytes than any capture has.
     """
-    frames: list[dict[str, Any]] = []
+    frames: list[str] = []
+    size = 0
     digest = hashlib.sha256()
-    for number, path in sorted((_number(path), path) for path in folder.iterdir()):
+    files = (path for path in folder.iterdir() if not _is_hidden(path.name))
+    for number, path in sorted((_number(path), path) for path in files):
         source = Source.open(path)
         digest.update(source.content)
         frame = parse_json(source)
-        frames.append({"frame": number, **(frame if isinstance(frame, dict) else {_PEOPLE: frame})})
-    text = json.dumps(frames)
-    if len(text) > MAX_BYTES:
-        raise CaptureError(folder, expected=f"frames of at most {MAX_BYTES >> 20} MB", found="more")
-    return Source(folder, text.encode(), digest.hexdigest(), unit)
+        of_frame: dict[str, Any] = frame if isinstance(frame, dict) else {_PEOPLE: frame}
+        frames.append(json.dumps({"frame": number, **of_frame}))
+        size += len(frames[-1])
+        if size > MAX_BYTES:
+            raise CaptureError(folder, expected=f"frames of at most {MAX_BYTES >> 20} MB", found="more")
+    return Source(folder, f"[{', '.join(frames)}]".encode(), digest.hexdigest(), unit)
+
+
+def _is_hidden(name: str) -> bool:
+    return name.startswith(".")
 
 
 def _number(path: Path) -> int:

@@ -166,5 +166,9 @@ def _is_y_up(labels: tuple[str, ...], points: Array) -> bool:
     ]
     if not all(ends):
         return False
-    asis, ankles = (np.nanmedian(points[:, end].reshape(-1, 3), axis=0) for end in ends)
+    places = [points[:, end].reshape(-1, 3) for end in ends]
+    seen = [place[np.isfinite(place).all(axis=1) & place.any(axis=1)] for place in places]
+    if not all(map(len, seen)):
+        return False
+    asis, ankles = (np.median(place, axis=0) for place in seen)
     return bool(np.argmax(np.abs(asis - ankles)) == 1 and asis[1] > ankles[1])

@@ -31,6 +31,8 @@ FORMAT = Format(
     binary=True,
 )
 _FEWEST = len(REQUIRED)
+# As text they take ten times as many bytes, and zeros are packed a thousandfold: three hours of 50 joints.
+_MOST_NUMBERS = 2**25
 # Of several arrays of that shape, places are none of these (MuJoCo's xipos are centres of mass), and rather
 # called so.
 _NO_PLACES = re.compile(r"vel|acc|rot|euler|angle|angular|force|moment|offset|ipos|mass|com\b", re.IGNORECASE)
@@ -76,7 +78,10 @@ def _choice(source: Source) -> tuple[str, tuple[str, ...]] | None:
         fitting = [
             places
             for places, shape in sorted(shapes.items())
-            if len(shape) == 3 and shape[1:] == (len(joints), 3) and not _NO_PLACES.search(places)
+            if len(shape) == 3
+            and 0 < 3 * len(joints) * shape[0] <= _MOST_NUMBERS
+            and shape[1:] == (len(joints), 3)
+            and not _NO_PLACES.search(places)
         ]
         if fitting:
             return max(fitting, key=lambda places: bool(_PLACES.search(places))), joints
@@ -116,5 +121,5 @@ def _table(names: tuple[str, ...], points: Array, times: Array | None, source: S
     header = [f'"{name}_{axis}"' for name in names for axis in "xyz"]
     if times is not None:
         rows, header = np.column_stack([times, rows]), ["time", *header]
-    lines = (",".join(f"{value:.9g}" for value in row) for row in rows.tolist())
+    lines = (",".join(f"{value:.9g}" for value in row.tolist()) for row in rows)
     return source.with_text("\n".join([",".join(header), *lines]) + "\n")

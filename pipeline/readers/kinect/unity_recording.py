@@ -118,7 +118,7 @@ class _Frame:
     line: int
     kind: _Kind
     seconds: float
-    ticks: int
+    ticks: float
     bodies: dict[int, Array]
 
 
@@ -143,7 +143,7 @@ def _frames(source: Source) -> Iterator[_Frame]:
             )
         first = kind
         bodies = _bodies(words[3:], cells[3:], head[1], kind, source, number)
-        yield _Frame(number, kind, float(seconds.replace(",", ".")), head[0], bodies)
+        yield _Frame(number, kind, float(seconds.replace(",", ".")), cells[0], bodies)
 
 
 def _numbers(cells: list[str], source: Source, line: int) -> list[float]:
@@ -193,7 +193,7 @@ def _seconds(frames: list[_Frame]) -> tuple[Array, list[str]]:
     The sensor's is the finer one, but its unit is that of the SDK: it is told by the game's time.
     """
     game = np.array([frame.seconds for frame in frames])
-    ticks = np.array([float(frame.ticks - frames[0].ticks) for frame in frames])
+    ticks = np.array([frame.ticks - frames[0].ticks for frame in frames])
     for tick in _TICKS:
         if abs(ticks[-1] * tick - (game[-1] - game[0])) <= _TOLERANCE * (game[-1] - game[0]):
             return ticks * tick, []

@@ -17,6 +17,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base import frame_files
 from kinemimic.pipeline.readers.base.frame_files import is_folder_of_frames
 from kinemimic.pipeline.readers.landmarks.joint_sets import SETS
 from kinemimic.pipeline.readers.search import find_files
@@ -70,3 +71,27 @@ def test_captures_with_numbers_are_no_frames(tmp_path: Path) -> None:
         (tmp_path / f"walk_{number:02d}.json").write_bytes(files(60)["joints.json"])
     assert not is_folder_of_frames(tmp_path)
     assert len(find_files([tmp_path])) == 12
+
+
+def test_hidden_files_do_not_count(tmp_path: Path) -> None:
+    """File managers leave them behind."""
+    write(tmp_path / "frames", openpose)
+    (tmp_path / "frames" / ".DS_Store").write_bytes(b"\0\0\0\1Bud1")
+    assert find_files([tmp_path]) == [tmp_path / "frames"]
+    assert len(recognise.read(tmp_path / "frames").times) == FRAMES
+
+
+def test_folders_that_are_none(tmp_path: Path) -> None:
+    assert not is_folder_of_frames(tmp_path / "missing")
+    (tmp_path / "file").write_text("{}")
+    assert not is_folder_of_frames(tmp_path / "file")
+    for number in range(12):
+        (tmp_path / f"{number:03d}.json").symlink_to(tmp_path / "missing")
+    assert not is_folder_of_frames(tmp_path)
+
+
+def test_more_frames_than_a_capture_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path / "frames", openpose)
+    monkeypatch.setattr(frame_files, "MAX_BYTES", 2**15)
+    with pytest.raises(CaptureError, match="expected frames of at most 0 MB, found more"):
+        recognise.read(tmp_path / "frames")

@@ -166,3 +166,10 @@ def test_the_published_table(captures: Path) -> None:
     assert -5.0 < knee.min() < 20.0
     bends = np.flatnonzero((knee[:-1] < 40.0) & (knee[1:] >= 40.0)) / RATE
     assert 0.9 < np.median(np.diff(bends)) < 1.4
+
+
+def test_markers_that_are_never_seen(recwarn: pytest.WarningsRecorder) -> None:
+    nothing = ";".join(["0"] * len(LINES[0].split(";")))
+    with pytest.raises(CaptureError, match="expected markers from which hips, knees and ankles"):
+        read("\n".join([LINES[0], *[nothing] * FRAMES]))
+    assert not list(recwarn)

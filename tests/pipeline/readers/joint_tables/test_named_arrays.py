@@ -20,6 +20,7 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.joint_tables import named_arrays
 
 FRAMES = 40
 SHOWN = in_sight(walk(FRAMES, sample.RATE))
@@ -83,3 +84,11 @@ def test_no_body() -> None:
         read(archive(names=names, points=np.full((FRAMES, 15, 3), "no!!")))
     with pytest.raises(CaptureError, match=r"an \.npz archive of names, points"):
         read(archive(names=np.array([f"box {k}" for k in range(15)]), points=np.zeros((FRAMES, 15, 3))))
+    with pytest.raises(CaptureError, match=r"an \.npz archive of names, points"):
+        read(archive(names=names, points=np.zeros((0, 15, 3))))
+
+
+def test_more_numbers_than_a_text_can_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(named_arrays, "_MOST_NUMBERS", 1000)
+    with pytest.raises(CaptureError):
+        read(sample.files(FRAMES)["walk.npz"])

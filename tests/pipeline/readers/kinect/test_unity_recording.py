@@ -118,3 +118,10 @@ def test_a_recording_of_nobody_is_refused() -> None:
     lines = [sample.line(time, "kb", 25, [], [["0"]] * 6) for time in walk(FRAMES).times]
     with pytest.raises(CaptureError, match="expected a person, found none"):
         read("\n".join(lines))
+
+
+def test_a_clock_beyond_any_float() -> None:
+    lines = [line.split(",") for line in KINECT.splitlines()]
+    lines[0][1], lines[-1][1] = "1e308", "-1e308"
+    clip = read("\n".join(",".join(cells) for cells in lines))
+    assert "times are the game's" in " ".join(clip.provenance["reading"]["notes"])
