@@ -192,6 +192,8 @@ SIDES: tuple[str, ...] = ("left", "right")
 # Centres that a laboratory's model computed: LHJC, "Right KJC".
 _JOINT_CENTRE = re.compile(r"([lr])(?:eft|ight)?([hkasew])jc(?:study)?")
 _JOINT_OF_LETTER = {"h": "hip", "k": "knee", "a": "ankle", "s": "shoulder", "e": "elbow", "w": "wrist"}
+# Of points that are found as hips: in the middle of the thigh or the shank, beside a knee.
+_ON_LEG = re.compile(r"thigh|^(?:l|r|left|right)leg$")
 _FIRST_WORD = re.compile(r"([^_.\s-]*)[_.\s-]+(.*[A-Za-z].*)")
 # Letters of a word behind which a side may stand; shorter ones would be other labels (le + l).
 _LONG_WORD = 4
@@ -233,18 +235,19 @@ def joint_centres(labels: Sequence[str]) -> dict[str, int]:
 
     A thigh beside a knee is no hip: in "L.Thigh, L.Knee, L.Ankle" (Helen Hayes) it is a marker in the middle
     of the thigh. Where the shank follows it, the names are those of bones, whose points are their upper ends.
+    Nor is a leg beside a knee, "L.Leg", which is a marker on the shank.
     """
     names = tuple(_joint_name(label) for label in without_subject(labels))
     found = joints_by_name(names)
-    on_thighs = {
+    on_legs = {
         found[f"hip_{side}"]
         for side in SIDES
         if {f"hip_{side}", f"knee_{side}"} <= found.keys()
-        and "thigh" in normalised(labels[found[f"hip_{side}"]])
+        and _ON_LEG.search(normalised(names[found[f"hip_{side}"]]))
         and "knee" in normalised(labels[found[f"knee_{side}"]])
     }
-    if on_thighs:
-        found = joints_by_name(tuple("" if k in on_thighs else name for k, name in enumerate(names)))
+    if on_legs:
+        found = joints_by_name(tuple("" if k in on_legs else name for k, name in enumerate(names)))
     return found
 
 

@@ -122,6 +122,11 @@ def test_a_marker_on_the_thigh_is_no_hip() -> None:
     assert [joint_centres(bones)[f"{joint}_left"] for joint in ("hip", "knee", "ankle")] == [0, 1, 2]
 
 
+def test_a_marker_on_the_shank_is_no_hip() -> None:
+    labels = [f"Jim_{s}.{part}" for s in "LR" for part in ("ASIS", "Leg", "Knee", "Ankle", "Toe")]
+    assert joint_centres(labels).keys() & {"hip_left", "hip_right", "knee_left"} == {"knee_left"}
+
+
 def test_the_waist_of_the_cmu_library() -> None:
     found = landmarks([f"Jim:{s}{part}" for s in "LR" for part in ("FWT", "BWT", "KNE", "ANK")])
     assert (found["asis_left"], found["psis_right"]) == ((0,), (5,))
