@@ -17,7 +17,7 @@ from kinemimic.pipeline.readers.base.source import MAX_BYTES, Source
 _FEWEST, _MOST_BYTES = 10, 2**15
 # Two hours at 30 Hz.
 _MOST = 216_000
-_NUMBER = re.compile(r"(?P<front>.*?)(?P<number>\d{2,12})(?P<behind>\D*\.json)", re.IGNORECASE)
+_NUMBER = re.compile(r"(?P<front>.*?)(?P<number>\d{1,12})(?P<behind>\D*\.json)", re.IGNORECASE)
 # A frame that is a list is one of people.
 _PEOPLE = "people"
 

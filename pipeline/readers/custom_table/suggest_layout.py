@@ -28,7 +28,7 @@ _JOINT_COUNTS = (5, 80)
 # Names that include this many of the 20 nodes name a body.
 _MIN_NODES = 8
 _STATES = (0.0, 1.0, 2.0)
-# "poz_z" is a slip of the pen in the sample scripts of Unity's best-known Kinect package.
+# "poz_z" is a typing error in the sample scripts of Unity's best-known Kinect package.
 _POSITION = re.compile(
     r"(?:po[sz](?:ition)?|p|t)?[ _.]*([xyz])(?:[ _]*[\[(].*[\])]|[ _](?:mm|cm|m))?", re.IGNORECASE
 )

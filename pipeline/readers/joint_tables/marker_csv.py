@@ -1,5 +1,5 @@
-"""Optical markers as a table, with labels and axes in the header and a row per frame, as anybody's program
-writes it: "LASI (x)", "LASI_X", "Jim:LASI.x", "X_LASI", or the labels in a line above the axes.
+"""Optical markers as a table, with labels and axes in the header and a row per frame, as many programs
+write them: "LASI (x)", "LASI_X", "Jim:LASI.x", "X_LASI", or the labels in a line above the axes.
 
 The cells of a marker that was not seen are empty, zero or NaN. Such tables say little more. Times are those
 of a column, else those of frame numbers, or of rows, at 100 Hz, the rate of most laboratories. The unit is

@@ -1,7 +1,7 @@
-"""Archives of numpy with names: places of shape (frames, joints, 3), and as many names, of joints or markers.
+"""Archives of numpy with names: positions (frames, joints, 3) and a name for each joint or marker.
 
-Simulators' libraries of human motion are such archives (Isaac Lab: body_positions, body_names), and what
-anybody's program saves. They are laid out as a table with a header, and read as one. Nothing is unpickled.
+Simulators' libraries of human motion are such archives (Isaac Lab: body_positions, body_names). They are laid
+out as a table with a header, and read as one. Nothing is unpickled.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FORMAT = Format(
     name="named joint array",
     sensor="unknown",
     holds="positions of joints or markers with names",
-    recognised_by="an .npz archive with places of shape (frames, joints, 3) and as many names",
+    recognised_by="an .npz archive with positions of shape (frames, joints, 3) and as many names",
     binary=True,
 )
 _FEWEST = len(REQUIRED)

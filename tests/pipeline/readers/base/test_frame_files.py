@@ -44,7 +44,8 @@ def write(folder: Path, frame: Callable[[Array], Any], name: str = "{:06d}.json"
 
 
 @pytest.mark.parametrize(
-    ("frame", "name"), [(openpose, "walk_{:012d}_keypoints.json"), (easymocap, "{:06d}.json")]
+    ("frame", "name"),
+    [(openpose, "walk_{:012d}_keypoints.json"), (easymocap, "{:06d}.json"), (easymocap, "frame_{}.json")],
 )
 def test_frames_in_the_order_of_their_numbers(
     frame: Callable[[Array], Any], name: str, tmp_path: Path
