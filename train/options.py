@@ -6,6 +6,7 @@ import click
 
 from kinemimic.pipeline.cli.options import option_group, seed_option
 from kinemimic.train.config.budget import MINUTES, samples
+from kinemimic.train.config.from_tracker import OBSTACLES
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.sim.options import engine_option
 
@@ -13,7 +14,7 @@ training_options = option_group(
     click.option(
         "--preset",
         "preset_name",
-        type=click.Choice(list(PRESETS)),
+        type=click.Choice([*PRESETS, OBSTACLES]),
         default="default",
         help="Named set of training settings. Default: `default`; in `run`, training on a walk or run starts "
         "from the shipped tracker unless a preset is given.",
@@ -24,14 +25,14 @@ training_options = option_group(
         metavar="POLICY",
         help="Start from a tracker (a policy for any motion): `tracker`, which ships, `standing` for a "
         "motion without strides, or a run folder. Replaces the settings of the preset with its own; --preset "
-        "robust adds pushes.",
+        "robust adds pushes, and then --from robust_walk --preset obstacles adds obstacles.",
     ),
     click.option(
         "--budget",
         type=samples,
         help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from "
         "tracker 280k or fewer, and up to 1M if the humanoid does not walk by then, or with --preset robust "
-        "4.75M; with --from standing 500k.",
+        "4.75M, with --preset obstacles 8M; with --from standing 500k.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

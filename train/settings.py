@@ -10,7 +10,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.config.from_tracker import from_tracker
+from kinemimic.train.config.from_tracker import OBSTACLES, from_tracker
 from kinemimic.train.config.presets import preset
 from kinemimic.train.config.tracker import TRACKER
 from kinemimic.train.learning_control.corrector import correction_samples
@@ -58,6 +58,10 @@ def settings_for(
                 f"found a gait; use --from {TRACKER}"
             )
     if config is None:
+        if preset_name == OBSTACLES:
+            raise KinemimicError(
+                "--preset obstacles: expected --from robust_walk, or another tracker, found none"
+            )
         config = preset(preset_name, seed=seed)
     if scenario is not None:
         config = replace(config, env=replace(config.env, scenario=scenario))
@@ -79,7 +83,8 @@ def from_start(name: str, preset_name: str, seed: int = 0) -> tuple[Policy, Trai
     path = tracker_path(name)
     policy, record = load_tracker(path)
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
-    return policy, from_tracker(preset_name, settings, file_hash(path), seed)
+    config = from_tracker(preset_name, settings, file_hash(path), seed)
+    return policy.widened(config), config
 
 
 def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainConfig, int]:

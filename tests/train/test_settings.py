@@ -15,6 +15,7 @@ from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.settings import LEAST, settings_for
+from kinemimic.train.task.observation import observation_size
 
 
 def test_a_preset_starts_from_random_weights(motion: Motion) -> None:
@@ -29,6 +30,20 @@ def test_a_tracker_brings_its_weights_and_is_named_by_its_hash(motion: Motion) -
     assert found.initial.layers[0][0].shape[0] == found.config.hidden[0]
     assert found.config.start == file_hash(tracker_path("tracker"))
     assert found.config.max_budget > found.config.budget
+
+
+def test_a_policy_acts_as_before_until_it_has_learned_from_obstacles(motion: Motion) -> None:
+    before = settings_for(motion, start="robust_walk", preset_name="robust").initial
+    found = settings_for(motion, start="robust_walk", preset_name="obstacles")
+    assert before is not None
+    assert found.initial is not None
+    size = observation_size(found.config.env)
+    assert found.initial.shape[0] == size > before.shape[0]
+    seen = np.random.default_rng(0).normal(0.0, 1.0, (5, size))
+    np.testing.assert_allclose(found.initial.act(seen), before.act(seen[:, : before.shape[0]]), atol=1e-6)
+    assert found.initial.critic[0][0].shape == (found.config.hidden[0], size)
+    with pytest.raises(KinemimicError, match="--preset obstacles: expected --from robust_walk, or another"):
+        settings_for(motion, preset_name="obstacles")
 
 
 def test_the_tracker_of_motions_on_the_spot_learns_no_gait(motion: Motion) -> None:

@@ -158,7 +158,7 @@ class TrainConfig:
             del value["max_budget"]
         if self.ankle_exploration == 1.0:
             del value["ankle_exploration"]
-        for name in ("scenario", "tracking", "balance", "hurry"):
+        for name in ("scenario", "tracking", "balance", "hurry", "observed_obstacles"):
             if not getattr(self.env, name):
                 del value["env"][name]
         for key, later in (("domain_randomization", LATER_RANGES), ("tracking", LATER_LIMITS)):
@@ -186,6 +186,7 @@ class TrainConfig:
                     "tracking": None,
                     "balance": False,
                     "hurry": False,
+                    "observed_obstacles": 0,
                     **env,
                 }
                 if isinstance(env["tracking"], dict):

@@ -54,8 +54,9 @@ class DomainRandomization:
     pushes; friction: of the feet on the ground; mass: factor for every body; delay: s until an action takes
     effect, at most one control step; tilt, spin: standard deviations of the initial state from the reference,
     rad and rad/s, at the root and every joint; displacement: largest horizontal distance of the initial state
-    from the reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same.
-    RecordError for adaptive pushes of 0 N.
+    from the reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same;
+    obstacles: share of the episodes with obstacles in the way (`scenario/clutter.py`), in place of pushes.
+    RecordError for adaptive pushes of 0 N, and for a share above 1 or below 0.
     """
 
     push: tuple[float, float] = (0.0, 0.0)
@@ -68,14 +69,17 @@ class DomainRandomization:
     spin: float = 0.0
     displacement: float = 0.0
     pace: tuple[float, float] = (1.0, 1.0)
+    obstacles: float = 0.0
 
     def __post_init__(self) -> None:
         if self.adaptive_push and not self.push[1] > 0.0:
             raise RecordError("push", expected="an upper end above 0 N", found=f"{self.push[1]:g}")
+        if not 0.0 <= self.obstacles <= 1.0:
+            raise RecordError("obstacles", expected="a share from 0 to 1", found=f"{self.obstacles:g}")
 
 
 # Ranges that policies of earlier versions do not state, in JSON.
-LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0], "adaptive_push": False}
+LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0], "adaptive_push": False, "obstacles": 0.0}
 
 
 # Limits that trackers of earlier versions do not state. Every other policy clips its normalised observations
@@ -122,7 +126,8 @@ class EnvConfig:
     the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion
     (`mirror.py`). balance: ankles and hips keep the humanoid over its standing feet, and actions correct that
     too (`task/balance.py`). hurry: the reference runs faster while the humanoid is pushed ahead or aside
-    (`task/hurry.py`).
+    (`task/hurry.py`). observed_obstacles: how many of the nearest obstacles the policy observes
+    (`task/obstacle_observation.py`), none by default.
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -141,10 +146,13 @@ class EnvConfig:
     tracking: Tracking | None = None
     balance: bool = False
     hurry: bool = False
+    observed_obstacles: int = 0
 
     def __post_init__(self) -> None:
         if not self.preview:
             raise RecordError("preview", expected="at least one number of control steps", found="none")
+        if self.observed_obstacles < 0:
+            raise RecordError("observed_obstacles", expected="at least 0", found=f"{self.observed_obstacles}")
 
     @property
     def steps(self) -> int:

@@ -17,13 +17,21 @@ from kinemimic.train.config.recovery import Recovery
 
 # Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
 POLISH, STANDING_POLISH, ROBUST_POLISH = "polish", "standing-polish", "robust-polish"
-NAMES: Mapping[str, str] = {"default": POLISH, "robust": ROBUST_POLISH}
+OBSTACLE_POLISH = "obstacle-polish"
+OBSTACLES = "obstacles"  # a preset that only a training from a tracker has
+NAMES: Mapping[str, str] = {"default": POLISH, "robust": ROBUST_POLISH, OBSTACLES: OBSTACLE_POLISH}
 TRAIN_OPTIONS: Mapping[str, str] = {
     POLISH: "--from tracker",
     STANDING_POLISH: "--from standing",
     ROBUST_POLISH: "--from tracker --preset robust",
+    OBSTACLE_POLISH: "--from robust_walk --preset obstacles",
 }
-BUDGETS: Mapping[str, int] = {POLISH: 280_000, STANDING_POLISH: 500_000, ROBUST_POLISH: 4_750_000}
+BUDGETS: Mapping[str, int] = {
+    POLISH: 280_000,
+    STANDING_POLISH: 500_000,
+    ROBUST_POLISH: 4_750_000,
+    OBSTACLE_POLISH: 8_000_000,
+}
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 
 
@@ -118,21 +126,47 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
     )
 
 
+def obstacle_polish(tracker: TrainConfig) -> TrainConfig:
+    """Walk through obstacles, which the policy observes from now on; meant for one from `robust_polish`.
+
+    A quarter of the episodes have pushes instead, so that the policy still withstands them. To step over
+    an obstacle it has to leave the pose of its reference far, so the pose term is wide until the end.
+    """
+    robust = robust_polish(tracker)
+    return replace(
+        robust,
+        preset=OBSTACLE_POLISH,
+        env=replace(
+            robust.env,
+            observed_obstacles=3,
+            domain_randomization=replace(robust.env.domain_randomization, obstacles=0.75),
+        ),
+        horizon=128,
+        discount=0.99,
+        action_std=((0, 0.06), (5_000_000, 0.045), (8_000_000, 0.015)),
+        strength=((0, 1.0),),
+        scales={"pose": ((0, 16.0), (6_000_000, 16.0), (7_500_000, 64.0)), "path": ((0, 2.0),)},
+        budget=BUDGETS[OBSTACLE_POLISH],
+        recovery=None,
+    )
+
+
 _SETTINGS: Mapping[str, Callable[[TrainConfig], TrainConfig]] = {
     POLISH: polish,
     STANDING_POLISH: standing_polish,
     ROBUST_POLISH: robust_polish,
+    OBSTACLE_POLISH: obstacle_polish,
 }
 
 
 def from_tracker(preset: str, tracker: TrainConfig, start: str, seed: int = 0) -> TrainConfig:
     """Settings for the policy with hash `start`, which was trained with the settings `tracker`.
 
-    preset: `default` or `robust`; KinemimicError for another, which has no settings for a tracker, and for
-    `robust` with a tracker of motions on the spot.
+    preset: `default`, `robust` or `obstacles`; KinemimicError for another, which has no settings for a
+    tracker, and for the last two with a tracker of motions on the spot.
     """
     if preset not in NAMES:
-        raise KinemimicError(f"--from: expected --preset robust, or none, found {preset}")
+        raise KinemimicError(f"--from: expected --preset robust or obstacles, or none, found {preset}")
     name = NAMES[preset]
     if tracker.env.balance:
         if name != POLISH:

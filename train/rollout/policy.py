@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from kinemimic.train.task.observation_layout import observation_limits
 POLICY = "policy.safetensors"  # in a run folder
 POLICY_SCHEMA = 4
 _ADVICE = "train again"
+_SPREAD = 0.5  # of observations that are added, which are mostly 0 and at most about 1
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,26 @@ class Policy:
         weight, bias = self.layers[-1]
         actions: Floats = (weight @ x).T + bias
         return actions if self.bound is None else np.float32(self.bound) * np.tanh(actions)
+
+    def widened(self, config: TrainConfig) -> Policy:
+        """A policy for this configuration, whose further observations do not affect it yet."""
+        more = observation_size(config.env) - len(self.mean)
+        if not more:
+            return self
+
+        def wide(layers: Layers) -> Layers:
+            (weight, bias), *others = layers
+            added = np.zeros((len(weight), more), dtype=np.float32)
+            return (np.concatenate([weight, added], axis=1), bias), *others
+
+        return replace(
+            self,
+            layers=wide(self.layers),
+            critic=wide(self.critic) if self.critic else (),
+            mean=np.append(self.mean, np.zeros(more, dtype=np.float32)),
+            scale=np.append(self.scale, np.full(more, _SPREAD, dtype=np.float32)),
+            limit=observation_limits(config.env),
+        )
 
     def tensors(self) -> dict[str, Floats]:
         """Arrays by their names in a file."""

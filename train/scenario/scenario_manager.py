@@ -96,9 +96,12 @@ class ScenarioManager:
         same = (seeds == self._seeds) & (phases == self._phases)
         self._seeds, self._phases = seeds, phases
         for index, on in enumerate(snapshot["on_course"]):
-            schedule = self._schedules[index] if same[index] and on else None
+            before = self._schedules[index]
+            schedule = before if same[index] and on else None
             if on and schedule is None:
                 schedule = self._draw(self._seeds[index], self._phases[index])
             self._schedules[index] = schedule
+            if schedule is None and before is None:
+                continue
             visible = [] if schedule is None else schedule.released(max(1, int(ages[index])))
             self._world.place(index, with_states(visible, snapshot["obstacles"][index, : len(visible)]))

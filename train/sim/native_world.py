@@ -109,6 +109,7 @@ class NativeWorld:
             threads=threads,
         )
         batch = self._batch
+        self._placed: list[tuple[Obstacle, ...]] = [()] * size
         self._states = BodyStates(batch.positions, batch.rotations, batch.linear, batch.angular)
 
     def vary(self, indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
@@ -151,6 +152,10 @@ class NativeWorld:
             velocities=np.array([item.velocity for item in obstacles]).reshape(-1, 3),
             spins=np.array([item.spin for item in obstacles]).reshape(-1, 3),
         )
+        self._placed[index] = tuple(obstacles)
+
+    def placed(self, index: int) -> Sequence[Obstacle]:
+        return self._placed[index]
 
     def obstacles(self, index: int) -> Array:
         return self._batch.obstacles(index)

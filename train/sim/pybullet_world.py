@@ -261,6 +261,9 @@ class BulletWorld:
             bullet.removeBody(body, physicsClientId=client)
         self._obstacles[index] = [(build(client, item), item) for item in obstacles]
 
+    def placed(self, index: int) -> Sequence[Obstacle]:
+        return [item for _, item in self._obstacles[index]]
+
     def obstacles(self, index: int) -> Array:
         client = self._clients[index]
         rows = []

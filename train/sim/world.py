@@ -162,6 +162,9 @@ class World(Protocol):
         """Replace all obstacles of a humanoid, also during an episode; they are in their initial state now
         and after each reset."""
 
+    def placed(self, index: int) -> Sequence[Obstacle]:
+        """A humanoid's obstacles, as they were placed."""
+
     def obstacles(self, index: int) -> Array:
         """(K, 13) position, rotation, velocity and angular velocity of a humanoid's obstacles now."""
 

@@ -1,4 +1,4 @@
-"""Samples of domain randomization: pushes, friction, mass, delayed actions and perturbed initial states."""
+"""Samples of domain randomization: pushes or obstacles, friction, mass, delays, perturbed initial states."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
 
 PUSH_STEPS = 6  # control steps: 0.2 s
 MAX_PUSHES = 12  # per episode
-_INITIAL = ("tilts", "spins", "displacement")  # what matters at the start only
+_DEVIATIONS = ("tilts", "spins", "displacement")  # of the initial state
+_INITIAL = (*_DEVIATIONS, "clutter")  # what matters at the start only
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class RandomizationSample:
     begins: (E, MAX_PUSHES) control steps after the start; forces: (E, MAX_PUSHES, 2) N along x and y of the
     world; friction, mass: (E,); delay: (E,) physics steps until an action takes effect; tilts, spins:
     (E, 15, 3) deviation of the initial state from the reference, rad and rad/s, of the root and each joint;
-    displacement: (E, 3) of the initial state from the reference, horizontal, m.
+    displacement: (E, 3) of the initial state from the reference, horizontal, m; clutter: (E,) seeds of the
+    obstacles in the way (`scenario/clutter.py`), 0 for none.
     """
 
     begins: Array
@@ -36,6 +38,7 @@ class RandomizationSample:
     tilts: Array
     spins: Array
     displacement: Array
+    clutter: NDArray[np.uint64]
 
     @classmethod
     def nominal(cls, size: int) -> RandomizationSample:
@@ -49,6 +52,7 @@ class RandomizationSample:
             tilts=np.zeros((size, 15, 3)),
             spins=np.zeros((size, 15, 3)),
             displacement=np.zeros((size, 3)),
+            clutter=np.zeros(size, dtype=np.uint64),
         )
 
     @classmethod
@@ -62,7 +66,7 @@ class RandomizationSample:
 
     def perturbed(self, poses: Poses) -> Poses:
         """Poses with the initial deviations applied."""
-        if not any(getattr(self, name).any() for name in _INITIAL):
+        if not any(getattr(self, name).any() for name in _DEVIATIONS):
             return poses
         off = from_rotvec(self.tilts)
         return replace(
@@ -105,7 +109,7 @@ def draw(
     rests = random.uniform(*domain_randomization.rest, MAX_PUSHES) * CONTROL_RATE
     angles = random.uniform(-np.pi, np.pi, MAX_PUSHES)
     sizes = strength * random.uniform(*domain_randomization.push, MAX_PUSHES)
-    return RandomizationSample(
+    sample = RandomizationSample(
         begins=np.floor(np.cumsum(rests + PUSH_STEPS) - PUSH_STEPS)[None],
         forces=(sizes[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1))[None],
         friction=np.array([between(domain_randomization.friction, FRICTION)]),
@@ -114,7 +118,13 @@ def draw(
         tilts=strength * domain_randomization.tilt * random.standard_normal((1, 15, 3)),
         spins=strength * domain_randomization.spin * random.standard_normal((1, 15, 3)),
         displacement=strength * _on_disc(domain_randomization.displacement, random),
+        clutter=np.zeros(1, dtype=np.uint64),
     )
+    share = strength * domain_randomization.obstacles
+    if share and random.random() < share:
+        seed = random.integers(1, np.iinfo(np.uint64).max, 1, dtype=np.uint64)
+        sample = replace(sample, forces=np.zeros_like(sample.forces), clutter=seed)
+    return sample
 
 
 def _on_disc(radius: float, random: np.random.Generator) -> Array:

@@ -14,6 +14,7 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY, conjugate, from_ro
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
+from kinemimic.train.scenario.clutter import CLUTTER
 from kinemimic.train.scenario.scenario_manager import ScenarioManager
 from kinemimic.train.sim.world import (
     CONTROL_RATE,
@@ -30,6 +31,7 @@ from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.hurry import hurry
 from kinemimic.train.task.mirror import Mirror, left_foot_behind, mirrored
 from kinemimic.train.task.observation import observe
+from kinemimic.train.task.obstacle_observation import obstacle_states
 from kinemimic.train.task.reward import pose_turns, rewards
 from kinemimic.train.task.timer import Timer
 
@@ -96,7 +98,7 @@ class ImitationBatch:
         self.phases: Array = np.zeros(world.size)
         self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
         self._randomization = RandomizationSample.nominal(world.size)
-        scenario = config.scenario
+        scenario = config.scenario or (CLUTTER if config.domain_randomization.obstacles else None)
         self._scenario_manager = None if scenario is None else ScenarioManager(scenario, reference, world)
         self._last_action: Array = np.zeros((world.size, ACTIONS))
         self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
@@ -137,9 +139,25 @@ class ImitationBatch:
         self._randomization.assign(indices, randomization)
         poses = randomization.perturbed(self.reference.of(indices).poses(phases))
         if self._scenario_manager is not None:
-            self._scenario_manager.begin(indices, phases, seeds)
+            self._begin_events(self._scenario_manager, indices, phases, randomization.clutter, seeds)
         self.timer.lap(TASK)
         self._place(indices, poses)
+
+    def _begin_events(
+        self,
+        manager: ScenarioManager,
+        indices: NDArray[np.intp],
+        phases: Array,
+        clutter: NDArray[np.uint64],
+        seeds: NDArray[np.uint64] | None,
+    ) -> None:
+        """Begin the scenario's events, or those of the randomization."""
+        if self.config.scenario is not None:
+            manager.begin(indices, phases, seeds)
+            return
+        among = clutter > 0
+        manager.begin(indices[among], phases[among], clutter[among])
+        manager.begin(indices[~among], phases[~among], None)
 
     def _place(self, indices: NDArray[np.intp], poses: Poses) -> None:
         friction = self._randomization.friction[indices]
@@ -154,7 +172,9 @@ class ImitationBatch:
     def scheduled_obstacles(self, index: int) -> list[Obstacle] | None:
         """The obstacles of the scenario that an environment has now, None without a scenario."""
         manager = self._scenario_manager
-        return None if manager is None else manager.present(index, int(self.ages[index]))
+        if manager is None or self.config.scenario is None:
+            return None
+        return manager.present(index, int(self.ages[index]))
 
     def scheduled_tilt(self, index: int) -> Array:
         """What the slope of an environment's scenario adds to gravity, (3,) m/s²; 0 without a scenario."""
@@ -292,6 +312,7 @@ class ImitationBatch:
             self._ahead,
             self._turns,
             self._turns_ahead,
+            obstacle_states(self.world) if self.config.observed_obstacles else None,
         )
         if self._mirror is not None:
             self._mirror.observations(observations, self._reflected)

@@ -17,6 +17,7 @@ from kinemimic.retarget.humanoid.body import BODY_INDEX, BODY_NAMES
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.world import BodyStates
+from kinemimic.train.task.obstacle_observation import obstacle_reflection
 from kinemimic.train.task.reward import pose
 
 # Largest `asymmetry` of a mirrored gait. The walk and run of the pybullet wheel have 0.6 and 1.2 degrees,
@@ -75,6 +76,8 @@ def observation_reflection(config: EnvConfig) -> tuple[NDArray[np.intp], Array]:
         *[_per_body(COUNTERPARTS, AXIS)] * previews,
         *[(np.arange(2), VECTOR[:2])] * previews,
     ]
+    if config.observed_obstacles:
+        parts.append(obstacle_reflection(config.observed_obstacles))
     starts = np.cumsum([0, *(len(sources) for sources, _ in parts[:-1])])
     sources = np.concatenate([part + start for (part, _), start in zip(parts, starts, strict=True)])
     return sources, np.concatenate([signs for _, signs in parts])

@@ -14,14 +14,21 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import to_6d
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.sim.world import BodyStates
+from kinemimic.train.task.obstacle_observation import (
+    LEGS_SIZE,
+    OBSTACLE_SIZE,
+    ObstacleStates,
+    observe_obstacles,
+)
 
 
 def observation_size(config: EnvConfig) -> int:
     """Size of an observation: phase, height, the bodies, and the difference to each pose of the preview; a
-    tracker's has no phase, but the difference to the reference now."""
+    tracker's has no phase, but the difference to the reference now; last, the obstacles if observed."""
     body = 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3
     preview = len(config.preview) * (15 * 3 + 2)
-    return body + preview + (2 if config.tracking is None else 4 * 15 * 3)
+    obstacles = config.observed_obstacles and config.observed_obstacles * OBSTACLE_SIZE + LEGS_SIZE
+    return body + preview + (2 if config.tracking is None else 4 * 15 * 3) + obstacles
 
 
 OBSERVATIONS = observation_size(EnvConfig())
@@ -36,11 +43,13 @@ def observe(
     ahead: Sequence[BodyStates],
     turns: Array,
     turns_ahead: Sequence[Array],
+    obstacles: ObstacleStates | None = None,
 ) -> Array:
     """(E, O) in the humanoid's own heading: its state and the difference to the next poses.
 
     cyclic: whether the motion is, (E,) where motions differ; target: the reference now; ahead: the poses of
-    the preview; turns, turns_ahead: of `reward.pose_turns`, to the target and to each of the preview.
+    the preview; turns, turns_ahead: of `reward.pose_turns`, to the target and to each of the preview;
+    obstacles: all that are there, None if there are none or the policy observes none.
     """
     size, previews = len(phases), len(ahead)
     six = to_6d(bodies.rotations)
@@ -61,7 +70,8 @@ def observe(
         axis=1,
     )
     # The pelvis faces along its x-axis.
-    vectors = _in_heading_frame(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
+    heading = np.arctan2(six[:, 0, 1], six[:, 0, 0])
+    vectors = _in_heading_frame(vectors, heading)
     if config.tracking is None:
         # A cycle ends where it begins; in a non-cyclic motion, start and end must differ.
         angle = np.where(cyclic, 2.0 * np.pi * phases, np.pi * np.minimum(phases, 1.0))
@@ -74,6 +84,8 @@ def observe(
         *(turn.reshape(size, -1) for turn in turns_ahead),
         np.minimum(np.maximum(vectors[:, -previews:, :2], -1.0), 1.0).reshape(size, -1),
     ]
+    if config.observed_obstacles:
+        parts.append(observe_obstacles(config.observed_obstacles, obstacles, bodies, heading))
     return np.concatenate(parts, axis=1)
 
 

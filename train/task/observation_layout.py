@@ -9,8 +9,19 @@ import numpy as np
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
 from kinemimic.train.config.env_config import OBSERVATION_CLIP, EnvConfig
+from kinemimic.train.task.obstacle_observation import LEGS_SIZE, OBSTACLE_SIZE
 
 _ARMS = ("upper_arm", "forearm", "hand")
+
+_OBSTACLE = (
+    "of an obstacle, the nearest first: 1, its centre from the ground below the pelvis, m, its z-axis, its "
+    "x-axis (0 if it is round), its velocity, m/s, its outer dimensions, m, and whether it is round, all "
+    "multiplied with its nearness, from 0 at 1.8 m to 1 at 1.2 m"
+)
+_LEGS = (
+    "of toes, heel, shin and knee on the left, then on the right: the vector to the nearest surface of an "
+    "obstacle, in units of 0.3 m, multiplied with the nearness, and the nearness, from 0 at 0.7 m to 1"
+)
 
 
 def observation_limits(config: EnvConfig) -> Floats:
@@ -74,6 +85,10 @@ def layout(config: EnvConfig) -> list[dict[str, Any]]:
     for k in config.preview:
         way = f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1{leash}"
         parts.append((f"way_{k}", 2, way))
+    for k in range(config.observed_obstacles):
+        parts.append((f"obstacle_{k + 1}", OBSTACLE_SIZE, _OBSTACLE))
+    if config.observed_obstacles:
+        parts.append(("legs_to_obstacles", LEGS_SIZE, _LEGS))
     rows: list[dict[str, Any]] = []
     start = 0
     for name, size, description in parts:

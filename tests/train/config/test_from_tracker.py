@@ -9,7 +9,7 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import DomainRandomization
-from kinemimic.train.config.from_tracker import BUDGETS, NAMES, TRAIN_OPTIONS, from_tracker
+from kinemimic.train.config.from_tracker import BUDGETS, NAMES, OBSTACLES, TRAIN_OPTIONS, from_tracker
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.config.tracker import standing_config, tracker_config
@@ -37,7 +37,8 @@ def test_the_task_stays_the_trackers(preset: str) -> None:
         assert getattr(found.env, what) == getattr(tracker.env, what)
     # What `train` is told to repeat it.
     assert found.budget == BUDGETS[found.preset]
-    assert TRAIN_OPTIONS[found.preset].startswith("--from tracker")
+    start = "robust_walk" if preset == OBSTACLES else "tracker"
+    assert TRAIN_OPTIONS[found.preset].startswith(f"--from {start}")
 
 
 def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
@@ -60,6 +61,19 @@ def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
     assert robust.measured_env.reward.weights["path"] > polish.measured_env.reward.weights["path"]
 
 
+def test_only_the_one_for_obstacles_observes_them() -> None:
+    robust, obstacles = (from_tracker(preset, TRACKER, "f00d") for preset in ("robust", "obstacles"))
+    assert robust.env.observed_obstacles == 0 < obstacles.env.observed_obstacles
+    assert robust.env.domain_randomization.obstacles == 0.0
+    # Some of its episodes have pushes, as all of the other's.
+    assert 0.0 < obstacles.env.domain_randomization.obstacles < 1.0
+    assert obstacles.env.domain_randomization.push == robust.env.domain_randomization.push
+    assert TrainConfig.from_json(obstacles.to_json()) == obstacles
+    assert "observed_obstacles" not in robust.to_json()["env"]
+    assert "obstacles" not in robust.to_json()["env"]["domain_randomization"]
+    assert TrainConfig.from_json(robust.to_json()) == robust
+
+
 def test_a_tracker_of_motions_on_the_spot_is_polished_without_learning_control() -> None:
     found = from_tracker("default", standing_config(), "f00d", 3)
     assert found.preset == "standing-polish"
@@ -72,5 +86,7 @@ def test_a_tracker_of_motions_on_the_spot_is_polished_without_learning_control()
 
 
 def test_other_presets_have_no_settings_for_a_tracker() -> None:
-    with pytest.raises(KinemimicError, match="--from: expected --preset robust, or none, found paper"):
+    with pytest.raises(
+        KinemimicError, match="--from: expected --preset robust or obstacles, or none, found paper"
+    ):
         from_tracker("paper", TRACKER, "f00d")

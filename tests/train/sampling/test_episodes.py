@@ -15,6 +15,27 @@ from kinemimic.train.task.env import ImitationBatch
 ENV = replace(CONFIG.env, domain_randomization=DomainRandomization(displacement=0.2))
 
 
+def test_some_episodes_begin_among_obstacles() -> None:
+    """Those that the draw says, each with its own; a snapshot has them too."""
+    env = replace(CONFIG.env, domain_randomization=DomainRandomization(obstacles=0.5))
+    batch = ImitationBatch(open_world(16, "pybullet"), Reference(shipped_motion("walk")), env)
+    randoms = [np.random.default_rng(seed) for seed in range(16)]
+    begin_episodes(batch, np.arange(16), randoms, 1.0)
+    counts = np.array([len(batch.world.placed(k)) for k in range(16)])
+    assert set(counts) == {0, 6}
+    assert 3 <= (counts == 6).sum() <= 13
+    first = {batch.world.placed(k)[0].position for k in range(16) if counts[k]}
+    assert len(first) == (counts == 6).sum()
+    # They are not those of a scenario, beside which nothing may be thrown.
+    assert batch.scheduled_obstacles(int(counts.argmax())) is None
+    snapshot = batch.snapshot()
+    begin_episodes(batch, np.arange(16), randoms, 0.0)
+    assert not any(len(batch.world.placed(k)) for k in range(16))
+    batch.restore(snapshot)
+    assert [len(batch.world.placed(k)) for k in range(16)] == counts.tolist()
+    batch.world.close()
+
+
 def test_only_the_displaced_start_beside_their_reference() -> None:
     batch = ImitationBatch(open_world(4, "pybullet"), Reference(shipped_motion("walk")), ENV)
     randoms = [np.random.default_rng(seed) for seed in range(4)]

@@ -90,6 +90,17 @@ def test_ranges_of_later_versions_do_not_change_the_draws() -> None:
     assert TrainConfig.from_json(stated).env.domain_randomization == replace(HARD, displacement=0.0)
 
 
+def test_an_episode_has_obstacles_or_pushes() -> None:
+    random, cluttered = np.random.default_rng(0), replace(HARD, obstacles=0.6)
+    for strength in (1.0, 0.5):
+        drawn = [draw(cluttered, strength, random) for _ in range(1000)]
+        among = np.array([bool(one.clutter[0]) for one in drawn])
+        assert among.mean() == pytest.approx(0.6 * strength, abs=0.05)
+        assert not np.concatenate([one.forces for one in drawn])[among].any()
+        assert np.concatenate([one.forces for one in drawn])[~among].any(axis=(1, 2)).all()
+        assert len({int(one.clutter[0]) for one in drawn}) == among.sum() + 1
+
+
 def test_an_episode_starts_beside_its_reference() -> None:
     calm = RandomizationSample.nominal(2)
     calm.displacement[1] = [0.2, -0.1, 0.0]

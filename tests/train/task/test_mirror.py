@@ -141,8 +141,9 @@ def test_a_delayed_action_keeps_the_mirroring_of_its_time(motion: Motion, puppet
 
 def test_reflecting_twice_is_the_identity() -> None:
     rng = np.random.default_rng(0)
-    mirror, rows = Mirror(EnvConfig(preview=(1, 4))), np.array([True, False, True])
-    size = observation_size(EnvConfig(preview=(1, 4)))
+    config = EnvConfig(preview=(1, 4), observed_obstacles=2)
+    mirror, rows = Mirror(config), np.array([True, False, True])
+    size = observation_size(config)
     observations, actions = rng.normal(size=(3, size)), rng.normal(size=(3, ACTIONS))
     for values, change in ((observations, mirror.observations), (actions, mirror.actions)):
         before = values.copy()

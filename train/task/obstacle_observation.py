@@ -1,0 +1,191 @@
+"""What a policy observes of obstacles: the nearest ones, and how far they are from its legs.
+
+Nothing of it is there where no obstacle is near: all numbers are then 0, and fade in as one comes nearer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
+from kinemimic.pipeline.kinematics.skeleton import SIDES
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.train.sim.world import BodyStates, Shape, World
+
+_SHAPES: tuple[str, ...] = get_args(Shape)
+_BOX, _SPHERE = _SHAPES.index("box"), _SHAPES.index("sphere")
+# An obstacle is observed in full from _WHOLE m on, and not at all beyond _NONE m: the distance on the ground
+# of its centre from a point _AHEAD m in front of the pelvis.
+_AHEAD, _WHOLE, _NONE = 0.2, 1.2, 1.8
+_LARGEST, _FASTEST = 1.0, 3.0  # m, m/s: larger ones are observed as these
+OBSTACLE_SIZE = 17  # numbers of an obstacle
+# Signs of a reflection at y = 0: nearness, place, two axes, velocity, size, roundness.
+_OBSTACLE_SIGNS: Array = np.array([1.0, *(1.0, -1.0, 1.0) * 4, *(1.0,) * 4])
+
+_REACH = 0.7  # m from a leg, from which a surface is observed
+
+
+def _leg_points(side: str) -> list[tuple[int, tuple[float, float, float]]]:
+    """Body and place in its frame, m, of the toes, the heel, the middle of the shin and the knee."""
+    foot, shin = BODY_INDEX[f"foot_{side}"], BODY_INDEX[f"shin_{side}"]
+    length, _, thickness = BODIES[foot].size
+    sole, knee = -0.5 * thickness, 0.5 * BODIES[shin].size[2]
+    return [
+        (foot, (0.5 * length, 0.0, sole)),
+        (foot, (-0.5 * length, 0.0, sole)),
+        (shin, (0.0, 0.0, 0.0)),
+        (shin, (0.0, 0.0, knee)),
+    ]
+
+
+_POINTS = [point for side in SIDES for point in _leg_points(side)]
+_POINT_BODIES = [body for body, _ in _POINTS]
+_POINT_PLACES: Array = np.array([place for _, place in _POINTS])
+LEGS_SIZE = 4 * len(_POINTS)  # numbers of the distances from the legs
+
+
+@dataclass(frozen=True)
+class ObstacleStates:
+    """K obstacles of each of E humanoids, in the world; rows beyond a humanoid's own are not `there`.
+
+    there: (E, K); shapes: (E, K) indices in the order of `Shape`; positions, linear: (E, K, 3) m, m/s;
+    rotations: (E, K, 4); sizes: (E, K, 3) outer dimensions as in `Obstacle`, m.
+    """
+
+    there: NDArray[np.bool_]
+    shapes: NDArray[np.int64]
+    positions: Array
+    rotations: Array
+    linear: Array
+    sizes: Array
+
+    def taken(self, order: NDArray[np.intp]) -> ObstacleStates:
+        """Obstacles (E, N) by their numbers."""
+        columns = (getattr(self, f.name) for f in fields(self))
+        return ObstacleStates(*(column[np.arange(len(order))[:, None], order] for column in columns))
+
+
+def obstacle_states(world: World) -> ObstacleStates | None:
+    """All obstacles now; None if there are none."""
+    placed = [world.placed(index) for index in range(world.size)]
+    most = max(len(items) for items in placed)
+    if not most:
+        return None
+    size = (world.size, most)
+    there, shapes = np.zeros(size, dtype=np.bool_), np.zeros(size, dtype=np.int64)
+    states, sizes = np.zeros((*size, 13)), np.zeros((*size, 3))
+    states[..., 6] = 1.0  # a rotation
+    for index, items in enumerate(placed):
+        if count := len(items):
+            there[index, :count] = True
+            shapes[index, :count] = [_SHAPES.index(item.shape) for item in items]
+            sizes[index, :count] = [item.size for item in items]
+            states[index, :count] = world.obstacles(index)
+    return ObstacleStates(there, shapes, states[..., 0:3], states[..., 3:7], states[..., 7:10], sizes)
+
+
+def observe_obstacles(
+    count: int, obstacles: ObstacleStates | None, bodies: BodyStates, heading: Array
+) -> Array:
+    """(E, count * OBSTACLE_SIZE + LEGS_SIZE) the `count` nearest obstacles and the distances from the legs.
+
+    Vectors are in the frame of the headings (E,), radians about the vertical, as in `observation.observe`.
+    """
+    size = len(heading)
+    found = np.zeros((size, count * OBSTACLE_SIZE + LEGS_SIZE))
+    if obstacles is None:
+        return found
+    nearest = _nearest(count, obstacles, bodies, heading)
+    found[:, : nearest.shape[1]] = nearest
+    found[:, count * OBSTACLE_SIZE :] = _from_legs(obstacles, bodies, heading)
+    return found
+
+
+def obstacle_reflection(count: int) -> tuple[NDArray[np.intp], Array]:
+    """Index and sign of every number of `observe_obstacles` that reflect it (`mirror.py`)."""
+    legs = np.arange(LEGS_SIZE).reshape(2, -1)[::-1].ravel()
+    sources = np.concatenate([np.arange(count * OBSTACLE_SIZE), count * OBSTACLE_SIZE + legs])
+    signs = [np.tile(_OBSTACLE_SIGNS, count), np.tile([1.0, -1.0, 1.0, 1.0], len(_POINTS))]
+    return sources, np.concatenate(signs)
+
+
+def _nearest(count: int, obstacles: ObstacleStates, bodies: BodyStates, heading: Array) -> Array:
+    """(E, N * OBSTACLE_SIZE) of the N <= count nearest obstacles."""
+    below = bodies.positions[:, None, 0] * [1.0, 1.0, 0.0]
+    places = _turned(obstacles.positions - below, heading)
+    distances = np.hypot(places[..., 0] - _AHEAD, places[..., 1]) + np.where(obstacles.there, 0.0, np.inf)
+    order = np.argsort(distances, axis=1, kind="stable")[:, :count]
+    near = obstacles.taken(order)
+    rows = np.arange(len(order))[:, None]
+    places, distances = places[rows, order], distances[rows, order]
+    round_ = (near.shapes != _BOX)[..., None]
+    # Of opposite directions of an axis, the one that points ahead or up.
+    x, z = (_turned(_axis(near.rotations, k), heading) for k in (0, 2))
+    x, z = x * np.where(x[..., :1] < 0.0, -1.0, 1.0), z * np.where(z[..., 2:] < 0.0, -1.0, 1.0)
+    nearness = np.clip((_NONE - distances) / (_NONE - _WHOLE), 0.0, 1.0)[..., None]
+    parts = [
+        np.ones(nearness.shape),
+        places,
+        z,
+        np.where(round_, 0.0, x),
+        np.clip(_turned(near.linear, heading), -_FASTEST, _FASTEST),
+        np.minimum(near.sizes, _LARGEST),
+        round_,
+    ]
+    found: Array = (nearness * np.concatenate(parts, axis=-1)).reshape(len(order), -1)
+    return found
+
+
+def _from_legs(obstacles: ObstacleStates, bodies: BodyStates, heading: Array) -> Array:
+    """(E, LEGS_SIZE) for each point of the legs, the vector to the nearest surface, in units of 0.3 m, and
+    the nearness, from 0 at _REACH to 1 at the surface, with which the vector is multiplied."""
+    arms = rotate(
+        bodies.rotations[:, _POINT_BODIES],
+        np.broadcast_to(_POINT_PLACES, (len(heading), *_POINT_PLACES.shape)),
+    )
+    points = (bodies.positions[:, _POINT_BODIES] + arms)[:, :, None]  # (E, P, 1, 3)
+    turns = np.broadcast_to(obstacles.rotations[:, None], (*points.shape[:2], obstacles.there.shape[1], 4))
+    local = rotate(conjugate(turns), points - obstacles.positions[:, None])
+    ways = rotate(turns, _closest(local, obstacles) - local)
+    distances = np.linalg.norm(ways, axis=-1) + np.where(obstacles.there, 0.0, np.inf)[:, None]
+    which = distances.argmin(axis=-1)[..., None]
+    distances = np.take_along_axis(distances, which, axis=-1)
+    ways = np.take_along_axis(ways, which[..., None], axis=2)[:, :, 0]
+    nearness = np.clip(1.0 - distances / _REACH, 0.0, 1.0)
+    found: Array = np.concatenate([nearness * _turned(ways, heading) / 0.3, nearness], axis=-1)
+    return found.reshape(len(heading), -1)
+
+
+def _closest(points: Array, obstacles: ObstacleStates) -> Array:
+    """Points of the obstacles closest to points (E, P, K, 3), both in the obstacles' frames."""
+    half = 0.5 * obstacles.sizes[:, None]
+    inside = np.clip(points, -half, half)
+    radius = half[..., :1]
+    # Of a cylinder, the distance from its axis; of a sphere, from its centre.
+    across = np.linalg.norm(points[..., :2], axis=-1, keepdims=True)
+    share = np.minimum(1.0, radius / np.maximum(across, 1e-9))
+    in_cylinder = np.concatenate([points[..., :2] * share, inside[..., 2:]], axis=-1)
+    share = np.minimum(1.0, radius / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9))
+    shapes = obstacles.shapes[:, None, :, None]
+    closest: Array = np.where(
+        shapes == _BOX, inside, np.where(shapes == _SPHERE, points * share, in_cylinder)
+    )
+    return closest
+
+
+def _axis(rotations: Array, number: int) -> Array:
+    """Axis (..., 3) of frames with these rotations (..., 4)."""
+    return rotate(rotations, np.broadcast_to(np.eye(3)[number], (*rotations.shape[:-1], 3)))
+
+
+def _turned(vectors: Array, heading: Array) -> Array:
+    """Vectors (E, ..., 3) of the world in the frame of the headings (E,)."""
+    shape = (-1, *(1,) * (vectors.ndim - 2))
+    cosine, sine = np.cos(heading).reshape(shape), np.sin(heading).reshape(shape)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, vectors[..., 2]], axis=-1)
