@@ -19,7 +19,8 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.learning_control.distillation import fitted
-from kinemimic.train.recovery.lessons import NOISE, Teacher, lesson
+from kinemimic.train.recovery.among_obstacles import survived_among_obstacles
+from kinemimic.train.recovery.lessons import NOISE, Teacher, lesson, lesson_among_obstacles
 from kinemimic.train.recovery.pushes import Pushes, survived
 from kinemimic.train.recovery.search import Found, Task, search
 from kinemimic.train.reference.reference import Reference
@@ -35,6 +36,7 @@ MINIBATCH = 2_048
 # directions, at these forces.
 _TEST_PHASES, _TEST_DIRECTIONS = 10, 8
 _TEST_FORCES = (150.0, 200.0, 250.0, 300.0, 350.0)
+_TEST_SEED = 0  # of the obstacles
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,9 @@ def learn_recoveries(
     """Teach a policy to survive pushes from the directions of `config.recovery`.
 
     Maneuvers are searched for each direction, around each phase, in `workers` processes. Those that survive
-    most pushes are taught in rounds. The policy of the round that survives most test pushes from all
-    directions is kept; that may be the policy as it was.
+    most pushes are taught in rounds. A policy that observes obstacles also walks among them in the lessons.
+    The policy of the round that survives most test pushes from all directions, and obstacles, is kept; that
+    may be the policy as it was.
     """
     settings = config.recovery
     if settings is None:
@@ -148,7 +151,10 @@ def _rounds(
     with progress("lessons", settings.rounds, unit="rounds") as bar:
         for number in range(settings.rounds):
             pupil = pupils[-1] if pupils else None
-            lessons += [lesson(batch, teacher, pupil, settings, noise, random) for noise in (0.0, NOISE)]
+            for noise in (0.0, NOISE):
+                lessons.append(lesson(batch, teacher, pupil, settings, noise, random))
+                if config.env.observed_obstacles:  # lest it forget them
+                    lessons.append(lesson_among_obstacles(batch, teacher.policy, pupil, noise, random))
             seen, wanted = (np.concatenate(column) for column in zip(*lessons, strict=True))
             pupils.append(fitted(pupil or teacher.policy, seen, wanted, config.seed + number, MINIBATCH))
             bar.advance()
@@ -157,13 +163,16 @@ def _rounds(
 
 
 def _survival(motion: Motion, policy: Policy, config: TrainConfig, engine: str) -> float:
-    """Share of the test pushes that a policy survives."""
+    """Share of the test pushes that a policy survives, and of as many trials among obstacles if it observes
+    them."""
     phases = np.arange(_TEST_PHASES) / _TEST_PHASES
     angles = 2.0 * np.pi * np.arange(_TEST_DIRECTIONS) / _TEST_DIRECTIONS
     grid = np.meshgrid(phases, np.array(_TEST_FORCES), angles, indexing="ij")
     pushes = Pushes(*(values.ravel() for values in grid))
     world = open_world(len(pushes.forces), engine)
     batch = ImitationBatch(world, Reference(motion), config.measured_env)
-    share = float(survived(batch, policy, pushes).mean())
+    trials = [survived(batch, policy, pushes)]
+    if config.env.observed_obstacles:
+        trials.append(survived_among_obstacles(batch, policy, np.random.default_rng(_TEST_SEED)))
     world.close()
-    return share
+    return float(np.mean(trials))

@@ -11,10 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.recovery import maneuver
+from kinemimic.train.recovery.among_obstacles import begin_among_obstacles
 from kinemimic.train.recovery.pushes import Pushes, pushed, walk_to
 from kinemimic.train.recovery.search import SPREAD, Found
 from kinemimic.train.rollout.policy import Policy
@@ -34,6 +36,7 @@ _HARDER = 1.2  # hardest push, as a factor on the hardest of the search: many ma
 _NONE, _WHOLE = 100.0, 200.0
 _OTHERS = 650.0  # N, hardest push from other directions, after which the pupil has to act as before
 _APART = 0.25 * np.pi  # of the other directions from those that were searched
+_AMONG_OBSTACLES = 7 * CONTROL_RATE  # control steps of a lesson among obstacles: to walk past the last one
 
 
 @dataclass(frozen=True)
@@ -60,29 +63,58 @@ def lesson(
     count = batch.world.size
     pushes, knots = _drawn(teacher, settings, count, random)
     added = maneuver.actions(knots)
-    disturbance: Array = np.zeros((count, ACTIONS))
-    observations: list[Floats] = []
-    actions: list[Floats] = []
+    rows = _Rows(pupil, noise, count, random)
     fallen = np.zeros(count, dtype=np.bool_)
 
     def act(step: int, seen: Array) -> Array:
-        nonlocal disturbance
         wanted = teacher.policy.act(seen).astype(np.float64)
         if 0 <= step < len(added):
             wanted = wanted + batch.reflected(added[step])
-        observations.append(seen[~fallen].astype(np.float32))
-        actions.append(wanted[~fallen].astype(np.float32))
-        draws = random.standard_normal((count, ACTIONS))
-        disturbance = _KEEPS * disturbance + np.sqrt(1.0 - _KEEPS**2) * draws
-        taken = wanted if pupil is None else pupil.act(seen).astype(np.float64)
-        return taken + noise * disturbance
+        return rows.act(seen, wanted, fallen)
 
     walk_to(batch, teacher.policy, pushes.phases - _BEFORE / (CONTROL_RATE * batch.reference.duration))
     for step in range(-_BEFORE, 0):
         batch.step(act(step, batch.observe()))
     for fallen in pushed(batch, pushes, _STEPS, act):  # noqa: B007 (`act` reads it)
         pass
-    return np.concatenate(observations), np.concatenate(actions)
+    return rows.joined()
+
+
+def lesson_among_obstacles(
+    batch: ImitationBatch, policy: Policy, pupil: Policy | None, noise: float, random: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """As `lesson`, of humanoids among obstacles (`scenario/clutter.py`), where the teacher is the policy."""
+    count = batch.world.size
+    rows = _Rows(pupil, noise, count, random)
+    seen = begin_among_obstacles(batch, random)
+    fallen = np.zeros(count, dtype=np.bool_)
+    for _ in range(_AMONG_OBSTACLES):
+        seen = batch.step(rows.act(seen, policy.act(seen).astype(np.float64), fallen)).observations
+        fallen |= batch.fallen()
+    return rows.joined()
+
+
+class _Rows:
+    """What the teacher wants where a pupil acts, or the teacher itself if it is None; with smooth noise."""
+
+    def __init__(self, pupil: Policy | None, noise: float, count: int, random: np.random.Generator) -> None:
+        self._pupil, self._noise, self._random = pupil, noise, random
+        self._disturbance: Array = np.zeros((count, ACTIONS))
+        self._observations: list[Floats] = []
+        self._actions: list[Floats] = []
+
+    def act(self, seen: Array, wanted: Array, fallen: NDArray[np.bool_]) -> Array:
+        """Actions (N, 42) for observations (N, O), of which those of the upright are kept."""
+        self._observations.append(seen[~fallen].astype(np.float32))
+        self._actions.append(wanted[~fallen].astype(np.float32))
+        draws = self._random.standard_normal(wanted.shape)
+        self._disturbance = _KEEPS * self._disturbance + np.sqrt(1.0 - _KEEPS**2) * draws
+        taken = wanted if self._pupil is None else self._pupil.act(seen).astype(np.float64)
+        return taken + self._noise * self._disturbance
+
+    def joined(self) -> tuple[Floats, Floats]:
+        """Observations (R, O) and actions (R, 42)."""
+        return np.concatenate(self._observations), np.concatenate(self._actions)
 
 
 def _drawn(
