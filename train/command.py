@@ -25,6 +25,7 @@ from kinemimic.train.options import training_options
 from kinemimic.train.ppo.mlp import CPU
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
+from kinemimic.train.recovery.joining import join
 from kinemimic.train.recovery.learning import learn_recoveries
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
@@ -167,12 +168,13 @@ def _train(
                 training, runner, imitated, run / CHECKPOINT, timer, seconds, policy, corrector
             )
             loop.run(run / CURVES)
-    if config.recovery is None:
-        return policy.write(finished=True)
-    best = training.best
+    best, taught = training.best, None
     assert best is not None  # noqa: S101 (a training that is complete has an evaluation)
-    recovered = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
-    return policy.write(finished=True, recovered=recovered)
+    if config.recovery is not None:
+        taught = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
+    elif config.joining is not None and settings.initial is not None:
+        taught = join(motion, best, settings.initial, config, engine=engine)
+    return policy.write(finished=True, taught=taught)
 
 
 def _resume(run: Path, training: TrainingState, motion: Motion, *, resume: bool) -> bool:

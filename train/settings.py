@@ -102,8 +102,8 @@ def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainCo
 
 
 def _with_recovery(config: TrainConfig, motion: Motion) -> TrainConfig:
-    """The configuration, without recoveries on a motion that does not repeat itself, in a scenario, and after
-    a training of fewer than LEAST samples."""
+    """The configuration, without recoveries and joining on a motion that does not repeat itself, in a
+    scenario, and after a training of fewer than LEAST samples."""
     if motion.cyclic and config.env.scenario is None and config.budget >= LEAST:
         return config
-    return replace(config, recovery=None)
+    return replace(config, recovery=None, joining=None)

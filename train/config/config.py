@@ -13,6 +13,7 @@ import numpy as np
 from kinemimic.pipeline.files.validation.records import RecordError, Steps, convert
 from kinemimic.train.config.baseline_config import Activation, Baseline, require_counts
 from kinemimic.train.config.env_config import LATER_LIMITS, LATER_RANGES, EnvConfig, RewardConfig
+from kinemimic.train.config.joining import Joining
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.config.recovery import Recovery
 
@@ -43,6 +44,7 @@ class TrainConfig:
     in total; max_budget: as long as no evaluation walks, training goes on to these, 0 to end at the budget.
     start: SHA-256 of the policy from which training starts, "" for random weights. learning_control: before
     the first round and after the last, None for none. recovery: learned after the last, None for none.
+    joining: after the last, with the policy from which training started, None for none.
     Schedules are points (samples, value), linear in
     between.
 
@@ -88,6 +90,7 @@ class TrainConfig:
     start: str = ""
     learning_control: LearningControl | None = None
     recovery: Recovery | None = None
+    joining: Joining | None = None
 
     def __post_init__(self) -> None:
         require_counts(self, "num_envs", "horizon", "minibatch", "epochs")
@@ -147,7 +150,7 @@ class TrainConfig:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
         # The JSON stays as before these were introduced where it does without them.
-        for key in ("baseline", "learning_control", "recovery"):
+        for key in ("baseline", "learning_control", "recovery", "joining"):
             if getattr(self, key) is None:
                 del value[key]
         if not self.start:
@@ -179,7 +182,8 @@ class TrainConfig:
         if isinstance(value, dict):
             env = value.get("env")
             later = {"start": "", "body_error": [], "max_budget": 0, "ankle_exploration": 1.0}
-            value = {"baseline": None, "learning_control": None, "recovery": None, **later, **value}
+            stages = dict.fromkeys(("baseline", "learning_control", "recovery", "joining"))
+            value = {**stages, **later, **value}
             if isinstance(env, dict):
                 value["env"] = env = {
                     "scenario": None,

@@ -11,6 +11,7 @@ from dataclasses import replace
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import OBSERVATION_CLIP, DomainRandomization
+from kinemimic.train.config.joining import Joining
 from kinemimic.train.config.learning_control import LearningControl
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.recovery import Recovery
@@ -30,7 +31,7 @@ BUDGETS: Mapping[str, int] = {
     POLISH: 280_000,
     STANDING_POLISH: 500_000,
     ROBUST_POLISH: 4_750_000,
-    OBSTACLE_POLISH: 8_000_000,
+    OBSTACLE_POLISH: 12_000_000,
 }
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 
@@ -129,25 +130,29 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
 def obstacle_polish(tracker: TrainConfig) -> TrainConfig:
     """Walk through obstacles, which the policy observes from now on; meant for one from `robust_polish`.
 
-    A quarter of the episodes have pushes instead, so that the policy still withstands them. To step over
-    an obstacle it has to leave the pose of its reference far, so the pose term is wide until the end.
+    All episodes are among obstacles: where it observes none, the policy shall act as before (`joining`). To
+    step over an obstacle it has to leave the pose of its reference far, so the pose term is wide.
     """
     robust = robust_polish(tracker)
+    randomization = replace(
+        robust.env.domain_randomization,
+        push=(0.0, 0.0),
+        adaptive_push=False,
+        friction=(0.7, 1.0),
+        obstacles=1.0,
+    )
     return replace(
         robust,
         preset=OBSTACLE_POLISH,
-        env=replace(
-            robust.env,
-            observed_obstacles=3,
-            domain_randomization=replace(robust.env.domain_randomization, obstacles=0.75),
-        ),
+        env=replace(robust.env, observed_obstacles=3, domain_randomization=randomization),
         horizon=128,
         discount=0.99,
-        action_std=((0, 0.06), (5_000_000, 0.045), (8_000_000, 0.015)),
+        action_std=((0, 0.06), (8_000_000, 0.045), (12_000_000, 0.015)),
         strength=((0, 1.0),),
-        scales={"pose": ((0, 16.0), (6_000_000, 16.0), (7_500_000, 64.0)), "path": ((0, 2.0),)},
+        scales={"pose": ((0, 16.0),), "path": ((0, 2.0),)},
         budget=BUDGETS[OBSTACLE_POLISH],
         recovery=None,
+        joining=Joining(),
     )
 
 

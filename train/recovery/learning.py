@@ -19,8 +19,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.learning_control.distillation import fitted
-from kinemimic.train.recovery.among_obstacles import survived_among_obstacles
-from kinemimic.train.recovery.lessons import NOISE, Teacher, lesson, lesson_among_obstacles
+from kinemimic.train.recovery.lessons import NOISE, Teacher, lesson
 from kinemimic.train.recovery.pushes import Pushes, survived
 from kinemimic.train.recovery.search import Found, Task, search
 from kinemimic.train.reference.reference import Reference
@@ -36,26 +35,25 @@ MINIBATCH = 2_048
 # directions, at these forces.
 _TEST_PHASES, _TEST_DIRECTIONS = 10, 8
 _TEST_FORCES = (150.0, 200.0, 250.0, 300.0, 350.0)
-_TEST_SEED = 0  # of the obstacles
 
 
 @dataclass(frozen=True)
-class Recovered:
-    """A policy with recoveries, and what policy.json says about them."""
+class Taught:
+    """A policy that was taught after its training. record: what policy.json says about it, under `stage`."""
 
     policy: Policy
+    stage: str
     record: dict[str, Any]
 
 
 def learn_recoveries(
     motion: Motion, policy: Policy, config: TrainConfig, run: Path, *, workers: int, engine: str
-) -> Recovered:
+) -> Taught:
     """Teach a policy to survive pushes from the directions of `config.recovery`.
 
     Maneuvers are searched for each direction, around each phase, in `workers` processes. Those that survive
-    most pushes are taught in rounds. A policy that observes obstacles also walks among them in the lessons.
-    The policy of the round that survives most test pushes from all directions, and obstacles, is kept; that
-    may be the policy as it was.
+    most pushes are taught in rounds. The policy of the round that survives most test pushes from all
+    directions is kept; that may be the policy as it was.
     """
     settings = config.recovery
     if settings is None:
@@ -63,12 +61,12 @@ def learn_recoveries(
     found = _found(motion, policy, config, settings, run / SEARCHES, workers, engine)
     # Where no maneuver is good enough, the pupil continues to act as before.
     taught = [one if one.after >= settings.taught else replace(one, knots=0.0 * one.knots) for one in found]
-    shares = [_survival(motion, policy, config, engine)]
+    shares = [push_survival(motion, policy, config, engine)]
     best = policy
     if maneuvers := sum(one.knots.any() for one in taught):
         teacher = Teacher(policy, taught, 0.5 / settings.phases)
         for pupil in _rounds(motion, teacher, config, settings, engine):
-            shares.append(_survival(motion, pupil, config, engine))
+            shares.append(push_survival(motion, pupil, config, engine))
             if shares[-1] == max(shares):
                 best = pupil
     record = {
@@ -80,7 +78,7 @@ def learn_recoveries(
         "survived_by_maneuver": float(np.mean([one.after for one in found])),
         "survived_by_round": shares,
     }
-    return Recovered(best, record)
+    return Taught(best, "recovery", record)
 
 
 def phases_of(motion: Motion, config: TrainConfig, count: int) -> Array:
@@ -151,10 +149,7 @@ def _rounds(
     with progress("lessons", settings.rounds, unit="rounds") as bar:
         for number in range(settings.rounds):
             pupil = pupils[-1] if pupils else None
-            for noise in (0.0, NOISE):
-                lessons.append(lesson(batch, teacher, pupil, settings, noise, random))
-                if config.env.observed_obstacles:  # lest it forget them
-                    lessons.append(lesson_among_obstacles(batch, teacher.policy, pupil, noise, random))
+            lessons += [lesson(batch, teacher, pupil, settings, noise, random) for noise in (0.0, NOISE)]
             seen, wanted = (np.concatenate(column) for column in zip(*lessons, strict=True))
             pupils.append(fitted(pupil or teacher.policy, seen, wanted, config.seed + number, MINIBATCH))
             bar.advance()
@@ -162,17 +157,14 @@ def _rounds(
     return pupils
 
 
-def _survival(motion: Motion, policy: Policy, config: TrainConfig, engine: str) -> float:
-    """Share of the test pushes that a policy survives, and of as many trials among obstacles if it observes
-    them."""
+def push_survival(motion: Motion, policy: Policy, config: TrainConfig, engine: str) -> float:
+    """Share of the test pushes that a policy survives."""
     phases = np.arange(_TEST_PHASES) / _TEST_PHASES
     angles = 2.0 * np.pi * np.arange(_TEST_DIRECTIONS) / _TEST_DIRECTIONS
     grid = np.meshgrid(phases, np.array(_TEST_FORCES), angles, indexing="ij")
     pushes = Pushes(*(values.ravel() for values in grid))
     world = open_world(len(pushes.forces), engine)
     batch = ImitationBatch(world, Reference(motion), config.measured_env)
-    trials = [survived(batch, policy, pushes)]
-    if config.env.observed_obstacles:
-        trials.append(survived_among_obstacles(batch, policy, np.random.default_rng(_TEST_SEED)))
+    share = float(survived(batch, policy, pushes).mean())
     world.close()
-    return float(np.mean(trials))
+    return share

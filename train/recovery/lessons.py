@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.recovery import maneuver
-from kinemimic.train.recovery.among_obstacles import begin_among_obstacles
 from kinemimic.train.recovery.pushes import Pushes, pushed, walk_to
 from kinemimic.train.recovery.search import SPREAD, Found
 from kinemimic.train.rollout.policy import Policy
@@ -26,17 +25,16 @@ from kinemimic.train.task.env import ACTIONS, ImitationBatch
 # In units of the action, of every second lesson: a pupil must also learn to act off its usual path.
 NOISE = 0.03
 _KEEPS = 0.85  # share of the noise that a control step keeps from the one before
-_STEPS = 13 * CONTROL_RATE // 3  # of a lesson, from the push on
-_BEFORE = 8  # control steps before the push that the lesson includes
+STEPS = 13 * CONTROL_RATE // 3  # of a lesson, from the push on
+BEFORE = 8  # control steps before the push that the lesson includes
 _TAUGHT = 2.0 / 3.0  # share of the humanoids that are pushed as in a search
-_UNPUSHED = 0.25  # share of the others
+UNPUSHED = 0.25  # share of the others
 _WEAKEST = 120.0  # N
 _HARDER = 1.2  # hardest push, as a factor on the hardest of the search: many maneuvers survive more
 # A weak push needs no maneuver: they are taken in full from _WHOLE, not at all below _NONE, N.
 _NONE, _WHOLE = 100.0, 200.0
-_OTHERS = 650.0  # N, hardest push from other directions, after which the pupil has to act as before
+HARDEST = 650.0  # N, hardest push from other directions, after which the pupil has to act as before
 _APART = 0.25 * np.pi  # of the other directions from those that were searched
-_AMONG_OBSTACLES = 7 * CONTROL_RATE  # control steps of a lesson among obstacles: to walk past the last one
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def lesson(
     count = batch.world.size
     pushes, knots = _drawn(teacher, settings, count, random)
     added = maneuver.actions(knots)
-    rows = _Rows(pupil, noise, count, random)
+    rows = Rows(pupil, noise, count, random)
     fallen = np.zeros(count, dtype=np.bool_)
 
     def act(step: int, seen: Array) -> Array:
@@ -72,29 +70,15 @@ def lesson(
             wanted = wanted + batch.reflected(added[step])
         return rows.act(seen, wanted, fallen)
 
-    walk_to(batch, teacher.policy, pushes.phases - _BEFORE / (CONTROL_RATE * batch.reference.duration))
-    for step in range(-_BEFORE, 0):
+    walk_to(batch, teacher.policy, pushes.phases - BEFORE / (CONTROL_RATE * batch.reference.duration))
+    for step in range(-BEFORE, 0):
         batch.step(act(step, batch.observe()))
-    for fallen in pushed(batch, pushes, _STEPS, act):  # noqa: B007 (`act` reads it)
+    for fallen in pushed(batch, pushes, STEPS, act):  # noqa: B007 (`act` reads it)
         pass
     return rows.joined()
 
 
-def lesson_among_obstacles(
-    batch: ImitationBatch, policy: Policy, pupil: Policy | None, noise: float, random: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """As `lesson`, of humanoids among obstacles (`scenario/clutter.py`), where the teacher is the policy."""
-    count = batch.world.size
-    rows = _Rows(pupil, noise, count, random)
-    seen = begin_among_obstacles(batch, random)
-    fallen = np.zeros(count, dtype=np.bool_)
-    for _ in range(_AMONG_OBSTACLES):
-        seen = batch.step(rows.act(seen, policy.act(seen).astype(np.float64), fallen)).observations
-        fallen |= batch.fallen()
-    return rows.joined()
-
-
-class _Rows:
+class Rows:
     """What the teacher wants where a pupil acts, or the teacher itself if it is None; with smooth noise."""
 
     def __init__(self, pupil: Policy | None, noise: float, count: int, random: np.random.Generator) -> None:
@@ -125,7 +109,7 @@ def _drawn(
     phases, forces, angles = random.random(count), np.zeros(count), np.zeros(count)
     knots = np.zeros((count, maneuver.KNOTS, len(maneuver.COLUMNS)))
     size = round(_TAUGHT * count)
-    taught, others = slice(0, size), slice(size + round(_UNPUSHED * (count - size)), count)
+    taught, others = slice(0, size), slice(size + round(UNPUSHED * (count - size)), count)
     of = np.resize(np.arange(len(found)), size)
     phases[taught] = np.array([one.phase for one in found])[of]
     phases[taught] += random.uniform(-1, 1, size) * teacher.around
@@ -135,7 +119,7 @@ def _drawn(
     knots[taught] = np.stack([one.knots for one in found])[of] * share[:, None, None]
     pushed_elsewhere = len(forces[others])
     angles[others] = _elsewhere(np.radians(settings.directions), pushed_elsewhere, random)
-    forces[others] = random.uniform(0.0, _OTHERS, pushed_elsewhere)
+    forces[others] = random.uniform(0.0, HARDEST, pushed_elsewhere)
     return Pushes(phases, forces, angles), knots
 
 

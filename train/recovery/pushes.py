@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,14 @@ class Pushes:
         return found
 
 
-def walk_to(batch: ImitationBatch, policy: Policy, phases: Array) -> None:
+class Acting(Protocol):
+    """A policy, or several."""
+
+    def act(self, observations: Array) -> NDArray[Any]:
+        """Actions (N, 42) for observations (N, O)."""
+
+
+def walk_to(batch: ImitationBatch, policy: Acting, phases: Array) -> None:
     """Let every humanoid walk for SETTLE control steps, up to phases (N,) of its reference."""
     started = phases - SETTLE / (CONTROL_RATE * batch.reference.duration)
     batch.reset(np.arange(len(phases)), started)

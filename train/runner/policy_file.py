@@ -12,7 +12,7 @@ from kinemimic.pipeline.files.store import copy_file, read_json
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.recovery.learning import Recovered
+from kinemimic.train.recovery.learning import Taught
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import best, first_walk, selection_phases
 from kinemimic.train.rollout.policy import POLICY
@@ -59,16 +59,16 @@ class PolicyFile:
         self._training, self._imitated, self._engine = training, imitated, engine
         self._foreign = not resumed
 
-    def write(self, *, finished: bool, recovered: Recovered | None = None) -> dict[str, Any]:
+    def write(self, *, finished: bool, taught: Taught | None = None) -> dict[str, Any]:
         """Write the best policy so far and its record, which is returned.
 
-        finished: whether the training has ended; recovered: what the best policy became by learning
-        recoveries. KeyError without an evaluation.
+        finished: whether the training has ended; taught: what the best policy became by recoveries or
+        joining. KeyError without an evaluation.
         """
         record = policy_record(self._training, self._imitated, self._engine, finished=finished)
         policy = self._training.best
-        if recovered is not None:
-            policy, record["recovery"] = recovered.policy, recovered.record
+        if taught is not None:
+            policy, record[taught.stage] = taught.policy, taught.record
         assert policy is not None  # noqa: S101 (there is an evaluation, and so a best one)
         if self._foreign and self._finished():
             for suffix in (".json", ".safetensors"):

@@ -6,7 +6,7 @@ import math
 
 from kinemimic.train.scenario.scenario import Placement, Range, Scenario
 
-_IN_THE_WAY = Range((1.3, -0.45), (6.5, 0.45))
+_IN_THE_WAY = Range((1.2, -0.45), (9.5, 0.45))  # as far as a walk comes in an episode
 _MASS = Range((0.5,), (5.0,))
 
 CLUTTER = Scenario(
@@ -21,7 +21,7 @@ CLUTTER = Scenario(
             mass=_MASS,
         ),
     )
-    * 3
+    * 5
     + (
         Placement(
             "cylinder",
@@ -31,5 +31,5 @@ CLUTTER = Scenario(
             mass=_MASS,
         ),
     )
-    * 3,
+    * 5,
 )

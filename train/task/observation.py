@@ -15,10 +15,9 @@ from kinemimic.pipeline.kinematics.rotations import to_6d
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.obstacle_observation import (
-    LEGS_SIZE,
-    OBSTACLE_SIZE,
     ObstacleStates,
     observe_obstacles,
+    obstacle_observation_size,
 )
 
 
@@ -27,8 +26,8 @@ def observation_size(config: EnvConfig) -> int:
     tracker's has no phase, but the difference to the reference now; last, the obstacles if observed."""
     body = 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3
     preview = len(config.preview) * (15 * 3 + 2)
-    obstacles = config.observed_obstacles and config.observed_obstacles * OBSTACLE_SIZE + LEGS_SIZE
-    return body + preview + (2 if config.tracking is None else 4 * 15 * 3) + obstacles
+    first = 2 if config.tracking is None else 4 * 15 * 3
+    return body + preview + first + obstacle_observation_size(config.observed_obstacles)
 
 
 OBSERVATIONS = observation_size(EnvConfig())

@@ -49,6 +49,11 @@ _POINT_PLACES: Array = np.array([place for _, place in _POINTS])
 LEGS_SIZE = 4 * len(_POINTS)  # numbers of the distances from the legs
 
 
+def obstacle_observation_size(count: int) -> int:
+    """Size of `observe_obstacles`; 0 where no obstacle is observed."""
+    return count * OBSTACLE_SIZE + LEGS_SIZE if count else 0
+
+
 @dataclass(frozen=True)
 class ObstacleStates:
     """K obstacles of each of E humanoids, in the world; rows beyond a humanoid's own are not `there`.

@@ -10,6 +10,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import DomainRandomization
 from kinemimic.train.config.from_tracker import BUDGETS, NAMES, OBSTACLES, TRAIN_OPTIONS, from_tracker
+from kinemimic.train.config.joining import Joining
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.config.tracker import standing_config, tracker_config
@@ -65,9 +66,11 @@ def test_only_the_one_for_obstacles_observes_them() -> None:
     robust, obstacles = (from_tracker(preset, TRACKER, "f00d") for preset in ("robust", "obstacles"))
     assert robust.env.observed_obstacles == 0 < obstacles.env.observed_obstacles
     assert robust.env.domain_randomization.obstacles == 0.0
-    # Some of its episodes have pushes, as all of the other's.
-    assert 0.0 < obstacles.env.domain_randomization.obstacles < 1.0
-    assert obstacles.env.domain_randomization.push == robust.env.domain_randomization.push
+    # Pushes are what it started from can do; it is joined with that.
+    assert obstacles.env.domain_randomization.obstacles == 1.0
+    assert obstacles.env.domain_randomization.push == (0.0, 0.0)
+    assert obstacles.joining == Joining()
+    assert robust.joining is None
     assert TrainConfig.from_json(obstacles.to_json()) == obstacles
     assert "observed_obstacles" not in robust.to_json()["env"]
     assert "obstacles" not in robust.to_json()["env"]["domain_randomization"]

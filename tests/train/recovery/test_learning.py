@@ -12,14 +12,14 @@ import pytest
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.recovery import learning
-from kinemimic.train.recovery.learning import SEARCHES, Recovered, learn_recoveries, phases_of
+from kinemimic.train.recovery.learning import SEARCHES, Taught, learn_recoveries, phases_of
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.engines import resolve
 
 Trained = tuple[Policy, TrainConfig]
 
 
-def learned(walk: Motion, trained: Trained, run: Path, workers: int = 1) -> Recovered:
+def learned(walk: Motion, trained: Trained, run: Path, workers: int = 1) -> Taught:
     return learn_recoveries(walk, *trained, run, workers=workers, engine=resolve("auto"))
 
 
@@ -76,7 +76,7 @@ def test_a_policy_that_survives_fewer_pushes_is_not_kept(
     walk: Motion, trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shares = iter([0.5, 0.4])
-    monkeypatch.setattr(learning, "_survival", lambda *_: next(shares))
+    monkeypatch.setattr(learning, "push_survival", lambda *_: next(shares))
     found = learned(walk, trained, tmp_path)
     assert found.policy is trained[0]
     assert found.record["survived_by_round"] == [0.5, 0.4]

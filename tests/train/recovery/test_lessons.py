@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.recovery import lessons
-from kinemimic.train.recovery.among_obstacles import survived_among_obstacles
-from kinemimic.train.recovery.lessons import Teacher, lesson, lesson_among_obstacles
+from kinemimic.train.recovery.lessons import Teacher, lesson
 from kinemimic.train.recovery.maneuver import COLUMNS, KNOTS
 from kinemimic.train.recovery.search import Found
-from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.settings import settings_for
-from kinemimic.train.sim.engines import open_world, resolve
 from kinemimic.train.task.env import ImitationBatch
-from kinemimic.train.task.observation import observation_size
-from kinemimic.train.task.obstacle_observation import LEGS_SIZE, OBSTACLE_SIZE
 
 Humanoids = Callable[[int], ImitationBatch]
 Trained = tuple[Policy, TrainConfig]
@@ -64,26 +56,6 @@ def test_the_teacher_says_what_to_do_where_the_pupil_is(humanoids: Humanoids, tr
     seen, wanted = given(humanoids(9), trained, none, still)
     np.testing.assert_allclose(wanted, trained[0].act(seen), atol=1e-5)
     assert len(seen) != len(own) or not np.array_equal(seen, own)
-
-
-def test_among_obstacles_the_teacher_is_the_policy(walk: Motion) -> None:
-    found = settings_for(walk, start="robust_walk", preset_name="obstacles")
-    assert found.initial is not None
-    batch = ImitationBatch(open_world(6, resolve("auto")), Reference(walk), found.config.measured_env)
-    random = np.random.default_rng(4)
-    seen, wanted = lesson_among_obstacles(batch, found.initial, None, 0.0, random)
-    assert seen.shape[1] == observation_size(found.config.env)
-    np.testing.assert_allclose(wanted, found.initial.act(seen), atol=1e-5)
-    # Most steps of every humanoid that is upright, in sight of an obstacle.
-    assert 6 * 60 < len(seen) <= 6 * 210
-    obstacles = found.config.env.observed_obstacles * OBSTACLE_SIZE + LEGS_SIZE
-    assert seen[:, -obstacles:].any(axis=1).mean() > 0.4
-    # Without corrections, the humanoid falls at the first obstacle, if not before.
-    idle = replace(found.initial, layers=tuple((0.0 * w, 0.0 * b) for w, b in found.initial.layers))
-    survived = [survived_among_obstacles(batch, policy, np.random.default_rng(5)) for policy in (idle, idle)]
-    np.testing.assert_array_equal(survived[0], survived[1])
-    assert survived[0].sum() <= 3
-    batch.world.close()
 
 
 def test_pushes_from_elsewhere_are_apart_from_those_searched() -> None:

@@ -1,0 +1,109 @@
+"""A policy trained among obstacles is joined with the one that it started from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.joining import Joining
+from kinemimic.train.recovery import joining
+from kinemimic.train.recovery.among_obstacles import begin_among_obstacles, survived_among_obstacles
+from kinemimic.train.recovery.joining import Gate, join
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.settings import settings_for
+from kinemimic.train.sim.engines import open_world, resolve
+from kinemimic.train.task.env import ImitationBatch
+from kinemimic.train.task.obstacle_observation import obstacle_observation_size
+
+Start = tuple[Policy, TrainConfig]
+
+
+@pytest.fixture(scope="module")
+def start(walk: Motion) -> Start:
+    """`robust_walk` as a training among obstacles begins, with settings for a small joining."""
+    found = settings_for(walk, start="robust_walk", preset_name="obstacles")
+    assert found.initial is not None
+    return found.initial, replace(found.config, joining=Joining(rounds=2, humanoids=6))
+
+
+@pytest.fixture
+def batch(walk: Motion, start: Start) -> Iterator[ImitationBatch]:
+    world = open_world(6, resolve("auto"))
+    yield ImitationBatch(world, Reference(walk), start[1].measured_env)
+    world.close()
+
+
+def leaning(policy: Policy) -> Policy:
+    """The policy with another action in every state."""
+    *others, (weight, bias) = policy.layers
+    return replace(policy, layers=(*others, (weight, bias + np.float32(0.05))))
+
+
+def test_a_gate_asks_whether_an_obstacle_is_observed(start: Start) -> None:
+    policy, config = start
+    size = obstacle_observation_size(config.env.observed_obstacles)
+    seen = np.random.default_rng(0).normal(size=(4, policy.shape[0]))
+    seen[:2, -size:] = 0.0
+    found = Gate(leaning(policy), policy, size).act(seen)
+    np.testing.assert_allclose(found[:2], policy.act(seen[:2]), atol=1e-6)
+    np.testing.assert_allclose(found[2:], policy.act(seen[2:]) + 0.05, atol=1e-6)
+
+
+def test_lessons_say_what_the_gate_would_do_where_the_pupil_is(batch: ImitationBatch, start: Start) -> None:
+    policy, config = start
+    size = obstacle_observation_size(config.env.observed_obstacles)
+    gate = Gate(leaning(policy), policy, size)
+    random = np.random.default_rng(4)
+    for lesson, share in ((joining._lesson_among_obstacles, 0.4), (joining._lesson_with_pushes, 0.0)):
+        for pupil in (None, leaning(policy)):
+            seen, wanted = lesson(batch, gate, pupil, 0.0, random)
+            assert seen.dtype == wanted.dtype == np.float32
+            assert len(seen) > 6 * 40
+            np.testing.assert_allclose(wanted, gate.act(seen), atol=1e-5)
+            near = seen[:, -size:].any(axis=1).mean()
+            assert near > share if share else near == 0.0
+
+
+def test_every_humanoid_has_its_own_obstacles(batch: ImitationBatch, start: Start) -> None:
+    found = []
+    for _ in range(2):
+        begin_among_obstacles(batch, np.random.default_rng(5))
+        found.append([batch.world.placed(k)[0].position for k in range(6)])
+    assert found[0] == found[1]
+    assert len(set(found[0])) == 6
+    # Without corrections, most fall at the first, if not before.
+    idle = replace(start[0], layers=tuple((0.0 * weight, 0.0 * bias) for weight, bias in start[0].layers))
+    assert survived_among_obstacles(batch, idle, np.random.default_rng(5)).sum() <= 3
+
+
+@pytest.mark.slow
+def test_the_best_round_is_kept_and_the_result_is_the_same(
+    walk: Motion, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = iter([(0.8, 0.3), (0.7, 0.8), (0.8, 0.7), (0.7, 0.7)] * 2)
+    monkeypatch.setattr(joining, "_shares", lambda *_: next(given))
+    policy, config = start
+    found = [join(walk, leaning(policy), policy, config, engine=resolve("auto")) for _ in range(2)]
+    assert found[0].stage == "joining"
+    assert found[0].record == found[1].record
+    assert found[0].record["first"] == {"pushes": 0.8, "obstacles": 0.3}
+    assert found[0].record["trained"] == {"pushes": 0.7, "obstacles": 0.8}
+    assert found[0].record["survived_by_round"][0] == {"pushes": 0.8, "obstacles": 0.7}
+    for (a, _), (b, _) in zip(found[0].policy.layers, found[1].policy.layers, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert found[0].policy.shape == policy.shape
+
+
+def test_only_a_policy_that_observes_obstacles_is_joined(walk: Motion, start: Start) -> None:
+    policy, config = start
+    with pytest.raises(ValueError, match="expected a configuration with joining"):
+        join(walk, policy, policy, replace(config, joining=None), engine="native")
+    blind = replace(config, env=replace(config.env, observed_obstacles=0))
+    with pytest.raises(ValueError, match="of a policy that observes obstacles"):
+        join(walk, policy, policy, blind, engine="native")
