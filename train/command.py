@@ -173,7 +173,7 @@ def _train(
     if config.recovery is not None:
         taught = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
     elif config.joining is not None and settings.initial is not None:
-        taught = join(motion, best, settings.initial, config, engine=engine)
+        taught = join(motion, best, settings.initial, config, workers=threads, engine=engine)
     return policy.write(finished=True, taught=taught)
 
 

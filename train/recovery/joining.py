@@ -8,11 +8,13 @@ elsewhere, in the states that it reaches itself (`lessons.py`).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.learning_control.distillation import fitted
@@ -49,17 +51,20 @@ class Gate:
         return actions
 
 
-def join(motion: Motion, trained: Policy, first: Policy, config: TrainConfig, *, engine: str) -> Taught:
+def join(
+    motion: Motion, trained: Policy, first: Policy, config: TrainConfig, *, workers: int, engine: str
+) -> Taught:
     """The trained policy, joined with the first one (of as many observations), from which training started.
 
     Of the policies after each round, the one with the best mean of two shares is kept: of test pushes that it
-    survives, and of trials among obstacles.
+    survives, and of trials among obstacles. workers: processes that test them.
     """
     if config.joining is None or not config.env.observed_obstacles:
         raise ValueError("expected a configuration with joining, of a policy that observes obstacles")
     teacher = Gate(trained, first, obstacle_observation_size(config.env.observed_obstacles))
     pupils = list(_rounds(motion, teacher, trained, config, engine))
-    shares = [_shares(motion, pupil, config, engine) for pupil in (first, trained, *pupils)]
+    tasks = [_Test(motion, policy, config, engine) for policy in (first, trained, *pupils)]
+    shares = parallel_map(_shares, tasks, workers=workers)
     means = [sum(one) for one in shares[2:]]
     names = ("pushes", "obstacles")
     record = {
@@ -127,10 +132,18 @@ def _lesson_with_pushes(
     return rows.joined()
 
 
-def _shares(motion: Motion, policy: Policy, config: TrainConfig, engine: str) -> tuple[float, float]:
+@dataclass(frozen=True)
+class _Test:
+    motion: Motion
+    policy: Policy
+    config: TrainConfig
+    engine: str
+
+
+def _shares(test: _Test) -> tuple[float, float]:
     """Shares of test pushes, and of trials among obstacles, that a policy survives."""
-    world = open_world(_TESTS, engine)
-    batch = ImitationBatch(world, Reference(motion), config.measured_env)
-    among = survived_among_obstacles(batch, policy, np.random.default_rng(_TEST_SEED))
+    world = open_world(_TESTS, test.engine)
+    batch = ImitationBatch(world, Reference(test.motion), test.config.measured_env)
+    among = survived_among_obstacles(batch, test.policy, np.random.default_rng(_TEST_SEED))
     world.close()
-    return push_survival(motion, policy, config, engine), float(among.mean())
+    return push_survival(test.motion, test.policy, test.config, test.engine), float(among.mean())

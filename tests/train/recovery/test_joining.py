@@ -82,14 +82,13 @@ def test_every_humanoid_has_its_own_obstacles(batch: ImitationBatch, start: Star
     assert survived_among_obstacles(batch, idle, np.random.default_rng(5)).sum() <= 3
 
 
-@pytest.mark.slow
 def test_the_best_round_is_kept_and_the_result_is_the_same(
     walk: Motion, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = iter([(0.8, 0.3), (0.7, 0.8), (0.8, 0.7), (0.7, 0.7)] * 2)
-    monkeypatch.setattr(joining, "_shares", lambda *_: next(given))
+    given = [(0.8, 0.3), (0.7, 0.8), (0.8, 0.7), (0.7, 0.7)]
+    monkeypatch.setattr(joining, "parallel_map", lambda *_, workers: given)
     policy, config = start
-    found = [join(walk, leaning(policy), policy, config, engine=resolve("auto")) for _ in range(2)]
+    found = [join(walk, leaning(policy), policy, config, workers=1, engine=resolve("auto")) for _ in range(2)]
     assert found[0].stage == "joining"
     assert found[0].record == found[1].record
     assert found[0].record["first"] == {"pushes": 0.8, "obstacles": 0.3}
@@ -103,7 +102,7 @@ def test_the_best_round_is_kept_and_the_result_is_the_same(
 def test_only_a_policy_that_observes_obstacles_is_joined(walk: Motion, start: Start) -> None:
     policy, config = start
     with pytest.raises(ValueError, match="expected a configuration with joining"):
-        join(walk, policy, policy, replace(config, joining=None), engine="native")
+        join(walk, policy, policy, replace(config, joining=None), workers=1, engine="native")
     blind = replace(config, env=replace(config.env, observed_obstacles=0))
     with pytest.raises(ValueError, match="of a policy that observes obstacles"):
-        join(walk, policy, policy, blind, engine="native")
+        join(walk, policy, policy, blind, workers=1, engine="native")
