@@ -172,7 +172,9 @@ def _train(
     assert best is not None  # noqa: S101 (a training that is complete has an evaluation)
     if config.recovery is not None:
         taught = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
-    elif config.joining is not None and settings.initial is not None:
+    elif config.joining is not None:
+        if settings.initial is None:
+            raise KinemimicError("joining: expected a training with start, found a config of your own")
         taught = join(motion, best, settings.initial, config, workers=threads, engine=engine)
     return policy.write(finished=True, taught=taught)
 

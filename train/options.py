@@ -25,14 +25,14 @@ training_options = option_group(
         metavar="POLICY",
         help="Start from a tracker (a policy for any motion): `tracker`, which ships, `standing` for a "
         "motion without strides, or a run folder. Replaces the settings of the preset with its own; --preset "
-        "robust adds pushes, and then --from robust_walk --preset obstacles adds obstacles.",
+        "robust adds pushes; --preset obstacles adds obstacles, best to `robust_walk`.",
     ),
     click.option(
         "--budget",
         type=samples,
         help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from "
         "tracker 280k or fewer, and up to 1M if the humanoid does not walk by then, or with --preset robust "
-        "4.75M, with --preset obstacles 8M; with --from standing 500k.",
+        "4.75M, with --preset obstacles 12M; with --from standing 500k.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

@@ -23,6 +23,7 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import MAX_SPEED
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 from kinemimic.train.task.observation_layout import layout
+from kinemimic.train.task.obstacle_observation import FARTHEST, FASTEST, LARGEST, REACH, UNIT
 
 # The action of `ImitationBatch` at 1. The shipped policies' largest is 0.45.
 ACTION_LIMIT = 0.5
@@ -42,6 +43,8 @@ _BOUNDS = {
     "way_to_reference": np.sqrt(2.0),
     "linear_to_reference": 2.0 * MAX_SPEED,
     "angular_to_reference": 2000.0,
+    "obstacle": max(FARTHEST, FASTEST, LARGEST),
+    "legs_to_obstacles": REACH / UNIT,
 }
 
 

@@ -216,7 +216,7 @@ def test_what_is_no_tracker_is_no_start(run: Path, tracker: Path) -> None:
     ):
         with pytest.raises(KinemimicError, match=found):
             stage.train(run, start=start, budget=ROUND, workers=1)
-    with pytest.raises(KinemimicError, match="--from: expected --preset robust, or none, found paper"):
+    with pytest.raises(KinemimicError, match="expected --preset robust or obstacles, or none, found paper"):
         stage.train(run, start=str(tracker), preset_name="paper", budget=ROUND, workers=1)
 
 

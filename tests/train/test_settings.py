@@ -12,7 +12,7 @@ from kinemimic.pipeline.files.store import file_hash
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.presets import PRESETS
-from kinemimic.train.rollout.tracker_file import tracker_path
+from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.settings import LEAST, settings_for
 from kinemimic.train.task.observation import observation_size
@@ -42,6 +42,15 @@ def test_a_policy_acts_as_before_until_it_has_learned_from_obstacles(motion: Mot
     seen = np.random.default_rng(0).normal(0.0, 1.0, (5, size))
     np.testing.assert_allclose(found.initial.act(seen), before.act(seen[:, : before.shape[0]]), atol=1e-6)
     assert found.initial.critic[0][0].shape == (found.config.hidden[0], size)
+    # What a tracker clips lower, it still does.
+    for name in ("tracker", "robust_walk"):
+        wide = settings_for(motion, start=name, preset_name="obstacles").initial
+        narrow, _ = load_tracker(tracker_path(name))
+        assert wide is not None
+        np.testing.assert_array_equal(np.asarray(wide.limit)[: len(narrow.mean)], narrow.limit)
+    seeing = replace(found.config, env=replace(found.config.env, observed_obstacles=2))
+    with pytest.raises(KinemimicError, match="a policy that observes no obstacles or 2, found one that"):
+        found.initial.widened(seeing)
     with pytest.raises(KinemimicError, match="--preset obstacles: expected --from robust_walk, or another"):
         settings_for(motion, preset_name="obstacles")
 

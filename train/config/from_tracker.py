@@ -130,8 +130,8 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
 def obstacle_polish(tracker: TrainConfig) -> TrainConfig:
     """Walk through obstacles, which the policy observes from now on; meant for one from `robust_polish`.
 
-    All episodes are among obstacles: where it observes none, the policy shall act as before (`joining`). To
-    step over an obstacle it has to leave the pose of its reference far, so the pose term is wide.
+    Episodes are among obstacles: where it observes none, the policy shall act as before (`joining`). To step
+    over an obstacle, it has to leave the pose of its reference far, so the pose term is wide.
     """
     robust = robust_polish(tracker)
     randomization = replace(
@@ -176,7 +176,8 @@ def from_tracker(preset: str, tracker: TrainConfig, start: str, seed: int = 0) -
     if tracker.env.balance:
         if name != POLISH:
             raise KinemimicError(
-                f"--preset {preset}: expected `tracker`, for walks and runs, in --from, found `standing`"
+                f"--preset {preset}: expected a policy for walks and runs in --from (`tracker`, "
+                "`robust_walk`), found `standing`"
             )
         name = STANDING_POLISH
     return replace(_SETTINGS[name](tracker), start=start, seed=seed)

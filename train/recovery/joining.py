@@ -57,9 +57,11 @@ def join(
     """The trained policy, joined with the first one (of as many observations), from which training started.
 
     Of the policies after each round, the one with the best mean of two shares is kept: of test pushes that it
-    survives, and of trials among obstacles. workers: processes that test them.
+    survives, and of trials among obstacles; the record has the shares of all. workers: processes that test
+    them.
     """
-    if config.joining is None or not config.env.observed_obstacles:
+    env = config.env
+    if config.joining is None or not (env.observed_obstacles and env.domain_randomization.obstacles):
         raise ValueError("expected a configuration with joining, of a policy that observes obstacles")
     teacher = Gate(trained, first, obstacle_observation_size(config.env.observed_obstacles))
     pupils = list(_rounds(motion, teacher, trained, config, engine))
@@ -93,6 +95,7 @@ def _rounds(
                 lessons.append(_lesson_with_pushes(batch, teacher, pupil, noise, random))
             seen, wanted = (np.concatenate(column) for column in zip(*lessons, strict=True))
             pupil = fitted(pupil or trained, seen, wanted, config.seed + number, MINIBATCH)
+            del seen, wanted  # gigabytes
             yield pupil
             bar.advance()
     world.close()

@@ -79,7 +79,10 @@ def lesson(
 
 
 class Rows:
-    """What the teacher wants where a pupil acts, or the teacher itself if it is None; with smooth noise."""
+    """Collects observations and the teacher's actions there, while a pupil acts with smooth noise.
+
+    pupil: None for the teacher itself; noise: standard deviation, in units of the action.
+    """
 
     def __init__(self, pupil: Policy | None, noise: float, count: int, random: np.random.Generator) -> None:
         self._pupil, self._noise, self._random = pupil, noise, random

@@ -27,6 +27,7 @@ from kinemimic.train.rollout.network import Layers, normalized, read_tensors, si
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.observation import observation_size
 from kinemimic.train.task.observation_layout import observation_limits
+from kinemimic.train.task.obstacle_observation import obstacle_observation_size
 
 POLICY = "policy.safetensors"  # in a run folder
 POLICY_SCHEMA = 4
@@ -74,10 +75,20 @@ class Policy:
         return actions if self.bound is None else np.float32(self.bound) * np.tanh(actions)
 
     def widened(self, config: TrainConfig) -> Policy:
-        """A policy for this configuration, whose further observations do not affect it yet."""
-        more = observation_size(config.env) - len(self.mean)
+        """A policy for this configuration, which may observe more at the end; that does not affect it yet.
+
+        The limits of its other observations stay. KinemimicError for one that observes other numbers.
+        """
+        more, obstacles = observation_size(config.env) - len(self.mean), config.env.observed_obstacles
         if not more:
             return self
+        if more != obstacle_observation_size(obstacles):
+            raise KinemimicError(
+                f"--from: expected a policy that observes no obstacles or {obstacles}, found one that "
+                "observes another number"
+            )
+
+        limits = np.broadcast_to(np.float32(self.limit), len(self.mean))
 
         def wide(layers: Layers) -> Layers:
             (weight, bias), *others = layers
@@ -90,7 +101,7 @@ class Policy:
             critic=wide(self.critic) if self.critic else (),
             mean=np.append(self.mean, np.zeros(more, dtype=np.float32)),
             scale=np.append(self.scale, np.full(more, _SPREAD, dtype=np.float32)),
-            limit=observation_limits(config.env),
+            limit=np.append(limits, observation_limits(config.env)[-more:]),
         )
 
     def tensors(self) -> dict[str, Floats]:

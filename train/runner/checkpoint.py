@@ -29,7 +29,8 @@ from kinemimic.train.sampling.sampler import EnvStates
 CHECKPOINT = "checkpoint.safetensors"
 CURVES = "tensorboard"  # the folder of the events beside it
 CHECKPOINT_SCHEMA = 7
-_ANY_BUDGET = {"budget": None, "max_budget": None}
+# What follows the training, and whether it does, is not part of its state; short trainings have neither.
+_ANY_BUDGET = dict.fromkeys(("budget", "max_budget", "recovery", "joining"))
 _ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
 
 Arrays = dict[str, NDArray[Any]]

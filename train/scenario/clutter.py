@@ -11,7 +11,7 @@ _MASS = Range((0.5,), (5.0,))
 
 CLUTTER = Scenario(
     name="clutter",
-    about="Light boxes and cylinders of up to hip height in the way of training episodes.",
+    about="Light boxes and cylinders up to 1 m high in the way of training episodes.",
     obstacles=(
         Placement(
             "box",

@@ -14,13 +14,15 @@ from kinemimic.train.task.obstacle_observation import LEGS_SIZE, OBSTACLE_SIZE
 _ARMS = ("upper_arm", "forearm", "hand")
 
 _OBSTACLE = (
-    "of an obstacle, the nearest first: 1, its centre from the ground below the pelvis, m, its z-axis, its "
-    "x-axis (0 if it is round), its velocity, m/s, its outer dimensions, m, and whether it is round, all "
-    "multiplied with its nearness, from 0 at 1.8 m to 1 at 1.2 m"
+    "of an obstacle, the nearest first: 1, its centre from the ground below the pelvis, m, within ±2, its "
+    "velocity, m/s, within ±3, xx, xy, xz, yy, yz, zz of its outer dimensions, m, at most 1, times the "
+    "outer products of its axes, and whether it is round; all multiplied by its nearness, from 0 at 1.8 m "
+    "to 1 at 1.2 m on the ground from a point 0.2 m ahead of the pelvis"
 )
 _LEGS = (
     "of toes, heel, shin and knee on the left, then on the right: the vector to the nearest surface of an "
-    "obstacle, in units of 0.3 m, multiplied with the nearness, and the nearness, from 0 at 0.7 m to 1"
+    "obstacle, in units of 0.3 m, multiplied by the nearness, and the nearness, from 0 at 0.7 m to 1 at the "
+    "surface"
 )
 
 
@@ -36,6 +38,8 @@ def observation_limits(config: EnvConfig) -> Floats:
         return limits
     limits[:] = config.tracking.limit
     for row in rows:
+        if row["name"].startswith(("obstacle_", "legs_")):
+            continue
         # Parts with the same numbers for each body, of all bodies or of all but the pelvis.
         bodies = BODY_NAMES if row["size"] % len(BODIES) == 0 else BODY_NAMES[1:]
         if row["size"] % len(bodies):

@@ -1,6 +1,6 @@
 """What a policy observes of obstacles: the nearest ones, and how far they are from its legs.
 
-Nothing of it is there where no obstacle is near: all numbers are then 0, and fade in as one comes nearer.
+All numbers are 0 where no obstacle is near, and fade in as one approaches.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
-from kinemimic.train.sim.world import BodyStates, Shape, World
+from kinemimic.train.sim.world import BodyStates, Obstacle, Shape, World
 
 _SHAPES: tuple[str, ...] = get_args(Shape)
 _BOX, _SPHERE = _SHAPES.index("box"), _SHAPES.index("sphere")
 # An obstacle is observed in full from _WHOLE m on, and not at all beyond _NONE m: the distance on the ground
 # of its centre from a point _AHEAD m in front of the pelvis.
 _AHEAD, _WHOLE, _NONE = 0.2, 1.2, 1.8
-_LARGEST, _FASTEST = 1.0, 3.0  # m, m/s: larger ones are observed as these
-OBSTACLE_SIZE = 17  # numbers of an obstacle
-# Signs of a reflection at y = 0: nearness, place, two axes, velocity, size, roundness.
-_OBSTACLE_SIGNS: Array = np.array([1.0, *(1.0, -1.0, 1.0) * 4, *(1.0,) * 4])
+FARTHEST, LARGEST, FASTEST = 2.0, 1.0, 3.0  # m, m, m/s: larger numbers are observed as these
+OBSTACLE_SIZE = 14  # numbers of an obstacle
+_EXTENT = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
+# Signs of a reflection at y = 0: nearness, place, velocity, extent, roundness.
+_OBSTACLE_SIGNS: Array = np.array([1.0, *(1.0, -1.0, 1.0) * 2, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0])
 
-_REACH = 0.7  # m from a leg, from which a surface is observed
+REACH, UNIT = 0.7, 0.3  # m: distance of a leg from which a surface is observed; unit of the vectors to it
 
 
 def _leg_points(side: str) -> list[tuple[int, tuple[float, float, float]]]:
@@ -59,7 +60,8 @@ class ObstacleStates:
     """K obstacles of each of E humanoids, in the world; rows beyond a humanoid's own are not `there`.
 
     there: (E, K); shapes: (E, K) indices in the order of `Shape`; positions, linear: (E, K, 3) m, m/s;
-    rotations: (E, K, 4); sizes: (E, K, 3) outer dimensions as in `Obstacle`, m.
+    rotations: (E, K, 4); sizes: (E, K, 3) outer dimensions, m, with the diameter of round ones in each that
+    has it.
     """
 
     there: NDArray[np.bool_]
@@ -89,9 +91,15 @@ def obstacle_states(world: World) -> ObstacleStates | None:
         if count := len(items):
             there[index, :count] = True
             shapes[index, :count] = [_SHAPES.index(item.shape) for item in items]
-            sizes[index, :count] = [item.size for item in items]
+            sizes[index, :count] = [_outer(item) for item in items]
             states[index, :count] = world.obstacles(index)
     return ObstacleStates(there, shapes, states[..., 0:3], states[..., 3:7], states[..., 7:10], sizes)
+
+
+def _outer(item: Obstacle) -> tuple[float, float, float]:
+    """Outer dimensions, m: of a round obstacle, `Obstacle` reads the diameter from the first number alone."""
+    x, y, z = item.size
+    return {"box": (x, y, z), "sphere": (x, x, x), "cylinder": (x, x, z)}[item.shape]
 
 
 def observe_obstacles(
@@ -128,19 +136,13 @@ def _nearest(count: int, obstacles: ObstacleStates, bodies: BodyStates, heading:
     near = obstacles.taken(order)
     rows = np.arange(len(order))[:, None]
     places, distances = places[rows, order], distances[rows, order]
-    round_ = (near.shapes != _BOX)[..., None]
-    # Of opposite directions of an axis, the one that points ahead or up.
-    x, z = (_turned(_axis(near.rotations, k), heading) for k in (0, 2))
-    x, z = x * np.where(x[..., :1] < 0.0, -1.0, 1.0), z * np.where(z[..., 2:] < 0.0, -1.0, 1.0)
     nearness = np.clip((_NONE - distances) / (_NONE - _WHOLE), 0.0, 1.0)[..., None]
     parts = [
         np.ones(nearness.shape),
-        places,
-        z,
-        np.where(round_, 0.0, x),
-        np.clip(_turned(near.linear, heading), -_FASTEST, _FASTEST),
-        np.minimum(near.sizes, _LARGEST),
-        round_,
+        np.clip(places, -FARTHEST, FARTHEST),
+        np.clip(_turned(near.linear, heading), -FASTEST, FASTEST),
+        _extents(near, heading),
+        (near.shapes != _BOX)[..., None],
     ]
     found: Array = (nearness * np.concatenate(parts, axis=-1)).reshape(len(order), -1)
     return found
@@ -148,7 +150,7 @@ def _nearest(count: int, obstacles: ObstacleStates, bodies: BodyStates, heading:
 
 def _from_legs(obstacles: ObstacleStates, bodies: BodyStates, heading: Array) -> Array:
     """(E, LEGS_SIZE) for each point of the legs, the vector to the nearest surface, in units of 0.3 m, and
-    the nearness, from 0 at _REACH to 1 at the surface, with which the vector is multiplied."""
+    the nearness, from 0 at REACH to 1 at the surface, with which the vector is multiplied."""
     arms = rotate(
         bodies.rotations[:, _POINT_BODIES],
         np.broadcast_to(_POINT_PLACES, (len(heading), *_POINT_PLACES.shape)),
@@ -161,8 +163,8 @@ def _from_legs(obstacles: ObstacleStates, bodies: BodyStates, heading: Array) ->
     which = distances.argmin(axis=-1)[..., None]
     distances = np.take_along_axis(distances, which, axis=-1)
     ways = np.take_along_axis(ways, which[..., None], axis=2)[:, :, 0]
-    nearness = np.clip(1.0 - distances / _REACH, 0.0, 1.0)
-    found: Array = np.concatenate([nearness * _turned(ways, heading) / 0.3, nearness], axis=-1)
+    nearness = np.clip(1.0 - distances / REACH, 0.0, 1.0)
+    found: Array = np.concatenate([nearness * _turned(ways, heading) / UNIT, nearness], axis=-1)
     return found.reshape(len(heading), -1)
 
 
@@ -183,9 +185,19 @@ def _closest(points: Array, obstacles: ObstacleStates) -> Array:
     return closest
 
 
-def _axis(rotations: Array, number: int) -> Array:
-    """Axis (..., 3) of frames with these rotations (..., 4)."""
-    return rotate(rotations, np.broadcast_to(np.eye(3)[number], (*rotations.shape[:-1], 3)))
+def _extents(obstacles: ObstacleStates, heading: Array) -> Array:
+    """(E, N, 6) the symmetric matrices Σ sᵢ aᵢ aᵢᵀ of the outer dimensions s, m, and axes a of obstacles.
+
+    Turns that leave an obstacle the same change nothing, and every other turn changes it smoothly, which axes
+    alone do not: the axis of a lying cylinder has two directions.
+    """
+    rotations, sizes = obstacles.rotations, np.minimum(obstacles.sizes, LARGEST)
+    shape = (*rotations.shape[:-1], 3)
+    axes = [_turned(rotate(rotations, np.broadcast_to(np.eye(3)[k], shape)), heading) for k in range(3)]
+    columns = np.stack(axes, axis=-1)
+    matrices = (columns * sizes[..., None, :]) @ columns.swapaxes(-1, -2)
+    found: Array = matrices[..., _EXTENT[0], _EXTENT[1]]
+    return found
 
 
 def _turned(vectors: Array, heading: Array) -> Array:

@@ -16,7 +16,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_stable_baselines
 
 from kinemimic.evaluate.gym.imitation_env import ImitationEnv
-from kinemimic.evaluate.gym.task import ACTION_LIMIT
+from kinemimic.evaluate.gym.task import ACTION_LIMIT, spaces
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -27,6 +27,7 @@ from kinemimic.train.scenario.scenario import Load, Range, Scenario
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.domain_randomization import draw
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
+from kinemimic.train.task.observation import observation_size
 
 WALK = DATASETS / "policies" / "walk"
 
@@ -190,4 +191,21 @@ def test_wrong_arguments_are_refused_by_name() -> None:
         env.step(np.zeros(41, np.float32))
     with pytest.raises(KinemimicError, match="found them not finite"):
         env.step(np.full(ACTIONS, np.nan, np.float32))
+    env.close()
+
+
+def test_what_is_observed_of_obstacles_is_within_the_space() -> None:
+    config = replace(
+        EnvConfig(), observed_obstacles=3, domain_randomization=DomainRandomization(obstacles=1.0)
+    )
+    space, _ = spaces(config)
+    env = ImitationEnv("walk", config=config, engine="pybullet")
+    observation, _ = env.reset(seed=0)
+    assert space.shape == observation.shape == (observation_size(config),)
+    seen = np.zeros(space.shape, dtype=bool)
+    for _ in range(60):
+        assert space.contains(observation)
+        seen |= observation != 0.0
+        observation, *_ = env.step(np.zeros(ACTIONS, dtype=np.float32))
+    assert seen[-32:].any()
     env.close()

@@ -207,7 +207,10 @@ def test_a_policy_of_one_motion_and_training_options_are_refused(
         (["--policy", "empty"], "expected a tracker (standing, tracker), or a run folder with one"),
         (["--from", "nosuch"], "expected a tracker (standing, tracker), or a run folder with one"),
         (["--from", "walk"], "walk: expected a tracker"),
-        (["--from", "tracker", "--preset", "ddpg"], "--from: expected --preset robust, or none, found ddpg"),
+        (
+            ["--from", "tracker", "--preset", "ddpg"],
+            "expected --preset robust or obstacles, or none, found ddpg",
+        ),
         (["--from", "tracker", "--from-scratch"], "--from-scratch: expected no --from, found both"),
     ],
 )

@@ -84,7 +84,7 @@ def test_a_tracker_of_motions_on_the_spot_is_polished_without_learning_control()
     assert found.learning_control is None
     assert (found.budget, found.max_budget) == (BUDGETS[found.preset], 0)
     assert TRAIN_OPTIONS[found.preset] == "--from standing"
-    with pytest.raises(KinemimicError, match="--preset robust: expected `tracker`, for walks and runs, in"):
+    with pytest.raises(KinemimicError, match="--preset robust: expected a policy for walks and runs"):
         from_tracker("robust", standing_config(), "f00d")
 
 

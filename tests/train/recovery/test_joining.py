@@ -11,7 +11,7 @@ import pytest
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.joining import Joining
-from kinemimic.train.recovery import joining
+from kinemimic.train.recovery import joining, learning
 from kinemimic.train.recovery.among_obstacles import begin_among_obstacles, survived_among_obstacles
 from kinemimic.train.recovery.joining import Gate, join
 from kinemimic.train.reference.reference import Reference
@@ -85,18 +85,37 @@ def test_every_humanoid_has_its_own_obstacles(batch: ImitationBatch, start: Star
 def test_the_best_round_is_kept_and_the_result_is_the_same(
     walk: Motion, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = [(0.8, 0.3), (0.7, 0.8), (0.8, 0.7), (0.7, 0.7)]
-    monkeypatch.setattr(joining, "parallel_map", lambda *_, workers: given)
+    given, tested = [(0.8, 0.3), (0.7, 0.8), (0.7, 0.7), (0.7, 0.8)], []
+
+    def measured(_: object, tests: list[joining._Test], *, workers: int) -> list[tuple[float, float]]:
+        tested.extend(test.policy for test in tests)
+        return given
+
+    monkeypatch.setattr(joining, "parallel_map", measured)
     policy, config = start
     found = [join(walk, leaning(policy), policy, config, workers=1, engine=resolve("auto")) for _ in range(2)]
     assert found[0].stage == "joining"
     assert found[0].record == found[1].record
     assert found[0].record["first"] == {"pushes": 0.8, "obstacles": 0.3}
     assert found[0].record["trained"] == {"pushes": 0.7, "obstacles": 0.8}
-    assert found[0].record["survived_by_round"][0] == {"pushes": 0.8, "obstacles": 0.7}
+    assert found[0].record["survived_by_round"][1] == {"pushes": 0.7, "obstacles": 0.8}
+    assert len(tested) == 2 * len(given)
+    assert found[0].policy is tested[3]
     for (a, _), (b, _) in zip(found[0].policy.layers, found[1].policy.layers, strict=True):
         np.testing.assert_array_equal(a, b)
     assert found[0].policy.shape == policy.shape
+
+
+def test_pushes_and_obstacles_are_tested_apart(
+    walk: Motion, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`robust_walk` survives most weak pushes, and fewer of the trials among obstacles."""
+    monkeypatch.setattr(joining, "_TESTS", 12)
+    monkeypatch.setattr(learning, "_TEST_FORCES", (100.0,))
+    monkeypatch.setattr(learning, "_TEST_PHASES", 2)
+    pushes, obstacles = joining._shares(joining._Test(walk, *start, resolve("auto")))
+    assert pushes > 0.9
+    assert 0.0 <= obstacles < 0.8
 
 
 def test_only_a_policy_that_observes_obstacles_is_joined(walk: Motion, start: Start) -> None:

@@ -28,6 +28,7 @@ from kinemimic.train.task.obstacle_observation import (
     LEGS_SIZE,
     OBSTACLE_SIZE,
     ObstacleStates,
+    _outer,
     observe_obstacles,
     obstacle_reflection,
     obstacle_states,
@@ -67,7 +68,7 @@ def one(obstacle: Obstacle) -> ObstacleStates:
         np.array([[obstacle.position]]),
         np.array([[obstacle.rotation]]),
         np.array([[obstacle.velocity]]),
-        np.array([[obstacle.size]]),
+        np.array([[_outer(obstacle)]]),
     )
 
 
@@ -86,10 +87,9 @@ def test_a_box_ahead_is_where_it_stands() -> None:
     quarter = 0.5 * np.pi
     box = Obstacle("box", (0.3, 0.2, 0.4), (-0.1, 0.6, 0.2), velocity=(0.0, 2.0, 0.0))
     found = observe_obstacles(COUNT, one(box), at_origin(quarter), np.array([quarter]))[0]
-    # Nearness; place; z-axis; x-axis, which points to the right and not ahead or back; velocity; size; a box.
-    wanted = [1, 0.6, 0.1, 0.2, 0, 0, 1, 0, -1, 0, 2, 0, 0, 0.3, 0.2, 0.4, 0]
-    assert np.abs(found[:OBSTACLE_SIZE]) == pytest.approx(np.abs(wanted), abs=1e-12)
-    assert found[[0, 1, 2, 3, 6, 10]] == pytest.approx([1, 0.6, 0.1, 0.2, 1, 2], abs=1e-12)
+    # Nearness; place; velocity; extent: it is 0.2 m long ahead and 0.3 m wide, as it stands across; a box.
+    wanted = [1, 0.6, 0.1, 0.2, 2, 0, 0, 0.2, 0, 0, 0.3, 0, 0.4, 0]
+    assert found[:OBSTACLE_SIZE] == pytest.approx(wanted, abs=1e-12)
     assert not found[OBSTACLE_SIZE : COUNT * OBSTACLE_SIZE].any()  # the places of a second and a third
 
 
@@ -105,6 +105,25 @@ def test_an_obstacle_fades_in_as_it_comes_nearer() -> None:
     steps = np.diff(nearness)
     assert (steps >= 0.0).all()
     assert steps.max() < 0.02
+
+
+def test_small_turns_of_an_obstacle_change_little_and_symmetries_nothing() -> None:
+    """A lying cylinder that rolls, and one that is turned end for end, which axes with a sign would show."""
+    lying = from_axis_angle("X", np.array(0.5 * np.pi))
+    seen = []
+    for roll in np.linspace(-0.05, 0.05, 11):
+        turn = multiply(from_axis_angle("Y", np.array(roll)), lying)
+        cylinder = Obstacle("cylinder", (0.3, 0.9, 0.6), (0.5, 0.0, 0.15), tuple(turn.tolist()))
+        seen.append(observe_obstacles(1, one(cylinder), at_origin(), np.zeros(1))[0])
+    assert np.abs(np.diff(seen, axis=0)).max() < 0.01
+    # Of a cylinder, the second number means nothing.
+    assert seen[5][7:13] == pytest.approx([0.3, 0, 0, 0.6, 0, 0.3], abs=1e-12)
+    for axis, angle in (("X", np.pi), ("Z", 1.0)):
+        turn = multiply(lying, from_axis_angle(axis, np.array(angle)))
+        same = Obstacle("cylinder", (0.3, 0.9, 0.6), (0.5, 0.0, 0.15), tuple(turn.tolist()))
+        np.testing.assert_allclose(
+            observe_obstacles(1, one(same), at_origin(), np.zeros(1))[0], seen[5], atol=1e-12
+        )
 
 
 def test_the_nearest_come_first_and_no_more_than_asked_for() -> None:
@@ -128,8 +147,7 @@ def test_distances_from_the_legs_are_those_to_the_surfaces() -> None:
         items = [
             Obstacle(
                 ("box", "sphere", "cylinder")[obstacles.shapes[k, n]],
-                # The diameter of round ones is their first size.
-                tuple(obstacles.sizes[k, n, [0, 0, 2]] if obstacles.shapes[k, n] else obstacles.sizes[k, n]),
+                tuple(obstacles.sizes[k, n]),
                 tuple(obstacles.positions[k, n]),
                 tuple(obstacles.rotations[k, n]),
             )
