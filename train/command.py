@@ -175,7 +175,7 @@ def _train(
     elif config.joining is not None:
         if settings.initial is None:
             raise KinemimicError("joining: expected a training with start, found a config of your own")
-        taught = join(motion, best, settings.initial, config, workers=threads, engine=engine)
+        taught = join(motion, best, settings.initial, config, run, workers=threads, engine=engine)
     return policy.write(finished=True, taught=taught)
 
 

@@ -58,11 +58,12 @@ def settings_for(
                 f"found a gait; use --from {TRACKER}"
             )
     if config is None:
-        if preset_name == OBSTACLES:
-            raise KinemimicError(
-                "--preset obstacles: expected --from robust_walk, or another tracker, found none"
-            )
-        config = preset(preset_name, seed=seed)
+        config = from_random_weights(preset_name, seed)
+    if config.joining is not None and not motion.cyclic:
+        raise KinemimicError(
+            "--preset obstacles: expected a walk or run that repeats itself, found a motion that does not; "
+            "retarget without --as-recorded"
+        )
     if scenario is not None:
         config = replace(config, env=replace(config.env, scenario=scenario))
     if config.env.scenario is not None:
@@ -85,6 +86,13 @@ def from_start(name: str, preset_name: str, seed: int = 0) -> tuple[Policy, Trai
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
     config = from_tracker(preset_name, settings, file_hash(path), seed)
     return policy.widened(config), config
+
+
+def from_random_weights(preset_name: str, seed: int = 0) -> TrainConfig:
+    """The settings of a preset; KinemimicError for one that only continues a policy."""
+    if preset_name == OBSTACLES:
+        raise KinemimicError(f"--preset {OBSTACLES}: expected --from robust_walk, or a tracker, found none")
+    return preset(preset_name, seed=seed)
 
 
 def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainConfig, int]:

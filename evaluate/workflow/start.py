@@ -17,14 +17,17 @@ Options = Mapping[str, Mapping[str, Any]]
 
 def require_start(training: Mapping[str, Any], *, from_scratch: bool) -> None:
     """KinemimicError unless a training with these options of `train` can start."""
-    start = training.get("from")
-    if start is None:
+    start, preset_name = training.get("from"), training.get("preset")
+    if start is None and preset_name is None:
         return
-    if from_scratch:
+    if start is not None and from_scratch:
         raise KinemimicError("--from-scratch: expected no --from, found both; leave out one")
-    from kinemimic.train.settings import from_start  # noqa: PLC0415 (import cost)
+    from kinemimic.train.settings import from_random_weights, from_start  # noqa: PLC0415 (import cost)
 
-    from_start(start, training.get("preset") or "default")
+    if start is None:
+        from_random_weights(str(preset_name))
+    else:
+        from_start(start, preset_name or "default")
 
 
 def without_training(

@@ -51,7 +51,7 @@ def test_a_policy_acts_as_before_until_it_has_learned_from_obstacles(motion: Mot
     seeing = replace(found.config, env=replace(found.config.env, observed_obstacles=2))
     with pytest.raises(KinemimicError, match="a policy that observes no obstacles or 2, found one that"):
         found.initial.widened(seeing)
-    with pytest.raises(KinemimicError, match="--preset obstacles: expected --from robust_walk, or another"):
+    with pytest.raises(KinemimicError, match="--preset obstacles: expected --from robust_walk, or a tracker"):
         settings_for(motion, preset_name="obstacles")
 
 

@@ -47,7 +47,6 @@ def fitted(
     policy: Policy, observations: Floats, actions: Floats, seed: int, minibatch: int = MINIBATCH
 ) -> Policy:
     """The policy, trained on to give the actions (N, 42) for raw observations (N, O)."""
-    x = torch.from_numpy(normalized(observations, policy.mean, policy.scale, policy.limit))
     y = torch.from_numpy(actions)
     scale = torch.from_numpy(ACTION_SCALE.astype(np.float32))
     layers = [
@@ -55,15 +54,18 @@ def fitted(
         for weight, bias in policy.layers
     ]
     optimizer = torch.optim.Adam([one for layer in layers for one in layer], RATE)
-    steps = EPOCHS * max(1, len(x) // minibatch)
+    steps = EPOCHS * max(1, len(y) // minibatch)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda k: max(_LAST_RATE, 1.0 - k / steps))
     random = torch.Generator().manual_seed(seed)
     with torch.enable_grad():
         for _ in range(EPOCHS):
-            order = torch.randperm(len(x), generator=random)
-            for first in range(0, len(x), minibatch):
+            order = torch.randperm(len(y), generator=random)
+            for first in range(0, len(y), minibatch):
                 rows = order[first : first + minibatch]
-                loss = (scale * (_forward(layers, x[rows]) - y[rows])).square().sum(dim=1).mean()
+                # Here, not all at once: a copy of them may be gigabytes.
+                seen = normalized(observations[rows.numpy()], policy.mean, policy.scale, policy.limit)
+                error = _forward(layers, torch.from_numpy(seen)) - y[rows]
+                loss = (scale * error).square().sum(dim=1).mean()
                 optimizer.zero_grad()
                 torch.autograd.backward(loss)
                 optimizer.step()

@@ -7,26 +7,29 @@ elsewhere, in the states that it reaches itself (`lessons.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.files.store import content_hash
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.joining import Joining
 from kinemimic.train.learning_control.distillation import fitted
 from kinemimic.train.recovery.among_obstacles import begin_among_obstacles, survived_among_obstacles
 from kinemimic.train.recovery.learning import MINIBATCH, Taught, push_survival
-from kinemimic.train.recovery.lessons import BEFORE, HARDEST, NOISE, STEPS, UNPUSHED, Rows
-from kinemimic.train.recovery.pushes import Pushes, pushed, walk_to
+from kinemimic.train.recovery.lessons import BEFORE, HARDEST, NOISE, STEPS, UNPUSHED, Rows, pushed_rows
+from kinemimic.train.recovery.pupils_file import PUPILS, read_pupils, write_pupils
+from kinemimic.train.recovery.pushes import Pushes
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
-from kinemimic.train.task.env import ImitationBatch
+from kinemimic.train.task.env import ACTIONS, ImitationBatch
 from kinemimic.train.task.obstacle_observation import obstacle_observation_size
 
 _AMONG_OBSTACLES = 8 * CONTROL_RATE  # control steps of a lesson
@@ -52,19 +55,25 @@ class Gate:
 
 
 def join(
-    motion: Motion, trained: Policy, first: Policy, config: TrainConfig, *, workers: int, engine: str
+    motion: Motion,
+    trained: Policy,
+    first: Policy,
+    config: TrainConfig,
+    run: Path,
+    *,
+    workers: int,
+    engine: str,
 ) -> Taught:
     """The trained policy, joined with the first one (of as many observations), from which training started.
 
     Of the policies after each round, the one with the best mean of two shares is kept: of test pushes that it
-    survives, and of trials among obstacles; the record has the shares of all. workers: processes that test
-    them.
+    survives, and of trials among obstacles; the record has the shares of all. run: the folder in which
+    finished rounds are kept. workers: processes that test the policies.
     """
     env = config.env
     if config.joining is None or not (env.observed_obstacles and env.domain_randomization.obstacles):
         raise ValueError("expected a configuration with joining, of a policy that observes obstacles")
-    teacher = Gate(trained, first, obstacle_observation_size(config.env.observed_obstacles))
-    pupils = list(_rounds(motion, teacher, trained, config, engine))
+    pupils = _pupils(motion, trained, first, config, config.joining, run / PUPILS, engine)
     tasks = [_Test(motion, policy, config, engine) for policy in (first, trained, *pupils)]
     shares = parallel_map(_shares, tasks, workers=workers)
     means = [sum(one) for one in shares[2:]]
@@ -77,28 +86,65 @@ def join(
     return Taught(pupils[means.index(max(means))], "joining", record)
 
 
-def _rounds(
-    motion: Motion, teacher: Gate, trained: Policy, config: TrainConfig, engine: str
-) -> Iterator[Policy]:
-    """The pupil after each round: it learns from all lessons so far, first of the teacher, then its own."""
-    settings = config.joining
-    assert settings is not None  # noqa: S101 (checked by the caller)
+def _pupils(
+    motion: Motion,
+    trained: Policy,
+    first: Policy,
+    config: TrainConfig,
+    settings: Joining,
+    path: Path,
+    engine: str,
+) -> list[Policy]:
+    """The pupil after each round: it learns from all lessons so far, first of the teacher, then its own.
+
+    Of rounds whose pupil is in the file at `path`, only the lessons are given again.
+    """
+    identity = {
+        "trained": content_hash(trained.tensors()), "first": content_hash(first.tensors()),
+        "motion": motion.identity, "engine": engine, "seed": str(config.seed),
+        "humanoids": str(settings.humanoids),
+    }  # fmt: skip
+    pupils = read_pupils(path, identity, config)
+    if len(pupils) >= settings.rounds:
+        return pupils[: settings.rounds]
+    teacher = Gate(trained, first, obstacle_observation_size(config.env.observed_obstacles))
     random = np.random.default_rng(config.seed)
     world = open_world(settings.humanoids, engine)
     batch = ImitationBatch(world, Reference(motion), config.measured_env)
-    lessons: list[tuple[Floats, Floats]] = []
-    pupil: Policy | None = None
-    with progress("joining", settings.rounds, unit="rounds") as bar:
+    lessons = _Lessons(settings, trained.shape[0])
+    with progress("joining", settings.rounds, done=len(pupils), unit="rounds") as bar:
         for number in range(settings.rounds):
+            pupil = pupils[number - 1] if number else None
             for noise in (0.0, NOISE):
-                lessons.append(_lesson_among_obstacles(batch, teacher, pupil, noise, random))
-                lessons.append(_lesson_with_pushes(batch, teacher, pupil, noise, random))
-            seen, wanted = (np.concatenate(column) for column in zip(*lessons, strict=True))
-            pupil = fitted(pupil or trained, seen, wanted, config.seed + number, MINIBATCH)
-            del seen, wanted  # gigabytes
-            yield pupil
+                lessons.add(*_lesson_among_obstacles(batch, teacher, pupil, noise, random))
+                lessons.add(*_lesson_with_pushes(batch, teacher, pupil, noise, random))
+            if number < len(pupils):
+                continue
+            pupils.append(fitted(pupil or trained, *lessons.all(), config.seed + number, MINIBATCH))
+            write_pupils(path, identity, pupils)
             bar.advance()
     world.close()
+    return pupils
+
+
+class _Lessons:
+    """Rows of all lessons so far: gigabytes, and so in one place from the start."""
+
+    def __init__(self, settings: Joining, observations: int) -> None:
+        most = settings.rounds * 2 * settings.humanoids * (_AMONG_OBSTACLES + BEFORE + STEPS)
+        self._seen = np.empty((most, observations), dtype=np.float32)
+        self._wanted = np.empty((most, ACTIONS), dtype=np.float32)
+        self._count = 0
+
+    def add(self, seen: Floats, wanted: Floats) -> None:
+        """Observations (R, O), and the teacher's actions (R, 42)."""
+        rows = slice(self._count, self._count + len(seen))
+        self._seen[rows], self._wanted[rows] = seen, wanted
+        self._count = rows.stop
+
+    def all(self) -> tuple[Floats, Floats]:
+        """Observations and actions of all lessons, as views."""
+        return self._seen[: self._count], self._wanted[: self._count]
 
 
 def _lesson_among_obstacles(
@@ -122,17 +168,7 @@ def _lesson_with_pushes(
     forces = random.uniform(0.0, HARDEST, count) * (random.random(count) >= UNPUSHED)
     pushes = Pushes(random.random(count), forces, random.uniform(-np.pi, np.pi, count))
     rows = Rows(pupil, noise, count, random)
-    fallen = np.zeros(count, dtype=np.bool_)
-
-    def act(_: int, seen: Array) -> Array:
-        return rows.act(seen, teacher.act(seen), fallen)
-
-    walk_to(batch, teacher, pushes.phases - BEFORE / (CONTROL_RATE * batch.reference.duration))
-    for step in range(-BEFORE, 0):
-        batch.step(act(step, batch.observe()))
-    for fallen in pushed(batch, pushes, STEPS, act):  # noqa: B007 (`act` reads it)
-        pass
-    return rows.joined()
+    return pushed_rows(batch, teacher, pushes, rows, lambda _, seen: teacher.act(seen))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ prediction to no-regret online learning", AISTATS 2011).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.recovery import maneuver
-from kinemimic.train.recovery.pushes import Pushes, pushed, walk_to
+from kinemimic.train.recovery.pushes import Acting, Pushes, pushed, walk_to
 from kinemimic.train.recovery.search import SPREAD, Found
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -62,15 +62,30 @@ def lesson(
     pushes, knots = _drawn(teacher, settings, count, random)
     added = maneuver.actions(knots)
     rows = Rows(pupil, noise, count, random)
-    fallen = np.zeros(count, dtype=np.bool_)
+
+    def wanted(step: int, seen: Array) -> Array:
+        actions = teacher.policy.act(seen).astype(np.float64)
+        if 0 <= step < len(added):
+            actions = actions + batch.reflected(added[step])
+        return actions
+
+    return pushed_rows(batch, teacher.policy, pushes, rows, wanted)
+
+
+def pushed_rows(
+    batch: ImitationBatch, policy: Acting, pushes: Pushes, rows: Rows, wanted: Callable[[int, Array], Array]
+) -> tuple[Floats, Floats]:
+    """Rows of a lesson of humanoids that walk, are pushed and go on; see `lesson`.
+
+    policy: lets them walk until the lesson begins; wanted: the teacher's actions (N, 42) for the number of
+    control steps since the push began, and observations (N, O).
+    """
+    fallen = np.zeros(batch.world.size, dtype=np.bool_)
 
     def act(step: int, seen: Array) -> Array:
-        wanted = teacher.policy.act(seen).astype(np.float64)
-        if 0 <= step < len(added):
-            wanted = wanted + batch.reflected(added[step])
-        return rows.act(seen, wanted, fallen)
+        return rows.act(seen, wanted(step, seen), fallen)
 
-    walk_to(batch, teacher.policy, pushes.phases - BEFORE / (CONTROL_RATE * batch.reference.duration))
+    walk_to(batch, policy, pushes.phases - BEFORE / (CONTROL_RATE * batch.reference.duration))
     for step in range(-BEFORE, 0):
         batch.step(act(step, batch.observe()))
     for fallen in pushed(batch, pushes, STEPS, act):  # noqa: B007 (`act` reads it)

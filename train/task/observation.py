@@ -14,6 +14,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import to_6d
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.sim.world import BodyStates
+from kinemimic.train.task.heading_frame import in_heading_frame
 from kinemimic.train.task.obstacle_observation import (
     ObstacleStates,
     observe_obstacles,
@@ -70,7 +71,7 @@ def observe(
     )
     # The pelvis faces along its x-axis.
     heading = np.arctan2(six[:, 0, 1], six[:, 0, 0])
-    vectors = _in_heading_frame(vectors, heading)
+    vectors = in_heading_frame(vectors, heading)
     if config.tracking is None:
         # A cycle ends where it begins; in a non-cyclic motion, start and end must differ.
         angle = np.where(cyclic, 2.0 * np.pi * phases, np.pi * np.minimum(phases, 1.0))
@@ -105,14 +106,3 @@ def _differences(bodies: BodyStates, target: BodyStates, beyond: Array) -> list[
         target.linear - bodies.linear,
         target.angular - bodies.angular,
     ]
-
-
-def _in_heading_frame(vectors: Array, heading: Array) -> Array:
-    """Vectors (E, N, 3) of the world in the frame of a heading (E,), radians about the vertical."""
-    cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    turned = np.empty(vectors.shape)
-    turned[..., 0] = cosine * x + sine * y
-    turned[..., 1] = cosine * y - sine * x
-    turned[..., 2] = z
-    return turned

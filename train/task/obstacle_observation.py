@@ -16,6 +16,7 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.sim.world import BodyStates, Obstacle, Shape, World
+from kinemimic.train.task.heading_frame import in_heading_frame
 
 _SHAPES: tuple[str, ...] = get_args(Shape)
 _BOX, _SPHERE = _SHAPES.index("box"), _SHAPES.index("sphere")
@@ -130,7 +131,7 @@ def obstacle_reflection(count: int) -> tuple[NDArray[np.intp], Array]:
 def _nearest(count: int, obstacles: ObstacleStates, bodies: BodyStates, heading: Array) -> Array:
     """(E, N * OBSTACLE_SIZE) of the N <= count nearest obstacles."""
     below = bodies.positions[:, None, 0] * [1.0, 1.0, 0.0]
-    places = _turned(obstacles.positions - below, heading)
+    places = in_heading_frame(obstacles.positions - below, heading)
     distances = np.hypot(places[..., 0] - _AHEAD, places[..., 1]) + np.where(obstacles.there, 0.0, np.inf)
     order = np.argsort(distances, axis=1, kind="stable")[:, :count]
     near = obstacles.taken(order)
@@ -140,7 +141,7 @@ def _nearest(count: int, obstacles: ObstacleStates, bodies: BodyStates, heading:
     parts = [
         np.ones(nearness.shape),
         np.clip(places, -FARTHEST, FARTHEST),
-        np.clip(_turned(near.linear, heading), -FASTEST, FASTEST),
+        np.clip(in_heading_frame(near.linear, heading), -FASTEST, FASTEST),
         _extents(near, heading),
         (near.shapes != _BOX)[..., None],
     ]
@@ -164,7 +165,7 @@ def _from_legs(obstacles: ObstacleStates, bodies: BodyStates, heading: Array) ->
     distances = np.take_along_axis(distances, which, axis=-1)
     ways = np.take_along_axis(ways, which[..., None], axis=2)[:, :, 0]
     nearness = np.clip(1.0 - distances / REACH, 0.0, 1.0)
-    found: Array = np.concatenate([nearness * _turned(ways, heading) / UNIT, nearness], axis=-1)
+    found: Array = np.concatenate([nearness * in_heading_frame(ways, heading) / UNIT, nearness], axis=-1)
     return found.reshape(len(heading), -1)
 
 
@@ -193,16 +194,10 @@ def _extents(obstacles: ObstacleStates, heading: Array) -> Array:
     """
     rotations, sizes = obstacles.rotations, np.minimum(obstacles.sizes, LARGEST)
     shape = (*rotations.shape[:-1], 3)
-    axes = [_turned(rotate(rotations, np.broadcast_to(np.eye(3)[k], shape)), heading) for k in range(3)]
+    axes = [
+        in_heading_frame(rotate(rotations, np.broadcast_to(np.eye(3)[k], shape)), heading) for k in range(3)
+    ]
     columns = np.stack(axes, axis=-1)
     matrices = (columns * sizes[..., None, :]) @ columns.swapaxes(-1, -2)
     found: Array = matrices[..., _EXTENT[0], _EXTENT[1]]
     return found
-
-
-def _turned(vectors: Array, heading: Array) -> Array:
-    """Vectors (E, ..., 3) of the world in the frame of the headings (E,)."""
-    shape = (-1, *(1,) * (vectors.ndim - 2))
-    cosine, sine = np.cos(heading).reshape(shape), np.sin(heading).reshape(shape)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, vectors[..., 2]], axis=-1)

@@ -181,6 +181,7 @@ class Session:
             self._outside = np.zeros((len(BODIES), 6))
             if self._batch.config.scenario is None:  # its own obstacles stay
                 self._obstacles.clear()
+                self._observation = self._batch.observe()
         elif isinstance(event, Drag | Release | Push | Carry):
             self._effects.apply(event, self._batch.bodies)
         else:
@@ -201,6 +202,7 @@ class Session:
                 "expected no obstacle that can move where the ground has a slope: set the slope to 0 first"
             )
         self._obstacles.throw(thrown_by(event, self._batch.bodies))
+        self._observation = self._batch.observe()  # a policy may observe the obstacle
 
     def _require_free(self) -> None:
         if self._batch.config.scenario is not None:

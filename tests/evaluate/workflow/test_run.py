@@ -212,6 +212,10 @@ def test_a_policy_of_one_motion_and_training_options_are_refused(
             "expected --preset robust or obstacles, or none, found ddpg",
         ),
         (["--from", "tracker", "--from-scratch"], "--from-scratch: expected no --from, found both"),
+        (
+            ["--preset", "obstacles"],
+            "--preset obstacles: expected --from robust_walk, or a tracker, found none",
+        ),
     ],
 )
 def test_a_start_that_cannot_be_is_refused_before_anything_begins(

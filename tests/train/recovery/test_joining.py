@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def test_every_humanoid_has_its_own_obstacles(batch: ImitationBatch, start: Star
 
 
 def test_the_best_round_is_kept_and_the_result_is_the_same(
-    walk: Motion, start: Start, monkeypatch: pytest.MonkeyPatch
+    walk: Motion, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, tested = [(0.8, 0.3), (0.7, 0.8), (0.7, 0.7), (0.7, 0.8)], []
 
@@ -93,7 +94,10 @@ def test_the_best_round_is_kept_and_the_result_is_the_same(
 
     monkeypatch.setattr(joining, "parallel_map", measured)
     policy, config = start
-    found = [join(walk, leaning(policy), policy, config, workers=1, engine=resolve("auto")) for _ in range(2)]
+    found = [
+        join(walk, leaning(policy), policy, config, tmp_path / name, workers=1, engine=resolve("auto"))
+        for name in "ab"
+    ]
     assert found[0].stage == "joining"
     assert found[0].record == found[1].record
     assert found[0].record["first"] == {"pushes": 0.8, "obstacles": 0.3}
@@ -118,10 +122,10 @@ def test_pushes_and_obstacles_are_tested_apart(
     assert 0.0 <= obstacles < 0.8
 
 
-def test_only_a_policy_that_observes_obstacles_is_joined(walk: Motion, start: Start) -> None:
+def test_only_a_policy_that_observes_obstacles_is_joined(walk: Motion, start: Start, tmp_path: Path) -> None:
     policy, config = start
     with pytest.raises(ValueError, match="expected a configuration with joining"):
-        join(walk, policy, policy, replace(config, joining=None), workers=1, engine="native")
+        join(walk, policy, policy, replace(config, joining=None), tmp_path, workers=1, engine="native")
     blind = replace(config, env=replace(config.env, observed_obstacles=0))
     with pytest.raises(ValueError, match="of a policy that observes obstacles"):
-        join(walk, policy, policy, blind, workers=1, engine="native")
+        join(walk, policy, policy, blind, tmp_path, workers=1, engine="native")

@@ -22,6 +22,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.env_config import OBSERVATION_CLIP
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.reference.reference import Reference
@@ -46,19 +47,22 @@ RECORD = {
 }
 
 
+def drawn(size: int, activation: Activation = "tanh", bound: float | None = None) -> Policy:
+    """A policy for observations of this size."""
+    random = np.random.default_rng(0)
+    layers = tuple(
+        (random.normal(0, 0.3, (out, into)).astype(np.float32), random.normal(0, 0.1, out).astype(np.float32))
+        for into, out in pairwise((size, 32, 16, ACTIONS))
+    )
+    mean, scale = random.normal(0, 2, size), random.uniform(0.1, 3, size)
+    limit = random.choice([1.0, 3.0], size).astype(np.float32) if bound == 2.0 else OBSERVATION_CLIP
+    return Policy(layers, mean.astype(np.float32), scale.astype(np.float32), activation, bound, limit=limit)
+
+
 # Ours, and the ones that a rival's actor may have; the last one with a tracker's limits.
 @pytest.fixture(scope="module", params=[("tanh", None), ("relu", None), ("relu", 0.7), ("tanh", 2.0)])
 def policy(request: pytest.FixtureRequest) -> Policy:
-    random = np.random.default_rng(0)
-    sizes = (SIZE, 32, 16, ACTIONS)
-    layers = tuple(
-        (random.normal(0, 0.3, (out, into)).astype(np.float32), random.normal(0, 0.1, out).astype(np.float32))
-        for into, out in pairwise(sizes)
-    )
-    mean, scale = random.normal(0, 2, SIZE), random.uniform(0.1, 3, SIZE)
-    activation, bound = request.param
-    limit = random.choice([1.0, 3.0], SIZE).astype(np.float32) if bound == 2.0 else OBSERVATION_CLIP
-    return Policy(layers, mean.astype(np.float32), scale.astype(np.float32), activation, bound, limit=limit)
+    return drawn(SIZE, *request.param)
 
 
 @pytest.mark.parametrize("figures", [1, 5])
@@ -76,6 +80,23 @@ def test_another_runtime_acts_alike_clipped_or_not(tmp_path: Path, policy: Polic
     clipped = np.abs(normalized(observations, policy.mean, policy.scale, policy.limit)).max(axis=0)
     assert (clipped <= policy.limit).all()
     assert np.mean(clipped == np.float32(policy.limit)) > 0.9
+
+
+def test_observed_obstacles_are_inputs_like_any(tmp_path: Path) -> None:
+    config = replace(CONFIG, env=replace(CONFIG.env, observed_obstacles=2))
+    rows = layout(config.env)
+    policy, last = drawn(observation_size(config.env)), rows[-1]
+    write_onnx(tmp_path / "p.onnx", policy, RECORD | {"config": config.to_json()})
+    session = onnxruntime.InferenceSession(tmp_path / "p.onnx", providers=["CPUExecutionProvider"])
+    observations = np.random.default_rng(0).normal(size=(2, len(policy.mean))).astype(np.float32)
+    observations[1, last["start"] :] = 0.0
+    (actions,) = session.run(["action"], {"observation": observations})
+    np.testing.assert_allclose(actions, policy.act(observations), rtol=1e-5, atol=1e-5)
+    observations[1] = observations[0]
+    assert np.abs(policy.act(observations)[1] - actions[1]).max() > 0.01
+    told = json.loads(session.get_modelmeta().custom_metadata_map["kinemimic.observation"])
+    assert [row["name"] for row in told][-3:] == ["obstacle_1", "obstacle_2", "legs_to_obstacles"]
+    assert last["start"] + last["size"] == len(policy.mean)
 
 
 def test_the_graph_is_sound_and_said_to_be_old_enough(policy: Policy) -> None:
