@@ -57,6 +57,7 @@ _MODULES: tuple[str, ...] = (
     "mocap.deepmimic",
     "mocap.bvh",
     "segments.opensim_bodies",
+    "joint_tables.smpl_json",
     "kinect.azure_kinect",
     "kinect.azure_csv",
     "kinect.processing_session",

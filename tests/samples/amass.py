@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from kinemimic.pipeline.readers.segments.amass import JOINTS, STATURES, smpl_skeleton
+from kinemimic.pipeline.readers.segments.smpl_clip import JOINTS, STATURES, smpl_skeleton
 from samples.motion import RigidWalk, rigid_walk
 
 RATE = 120.0

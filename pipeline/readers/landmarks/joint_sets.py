@@ -22,7 +22,7 @@ from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS, WORLD_F
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, OF_NODE
 from kinemimic.pipeline.readers.landmarks.zed_json import POINTS
-from kinemimic.pipeline.readers.segments.amass import JOINTS as SMPL_22
+from kinemimic.pipeline.readers.segments.smpl_clip import JOINTS as SMPL_22
 
 # Frames, spread over the recording, in which bones are measured.
 _SAMPLE_FRAMES = 200

@@ -17,7 +17,7 @@ from kinemimic.pipeline.readers.base.source import Source
 
 # The root and the body's joints, of which all have 22; SMPL has two more, SMPL+H and SMPL-X fingers and face.
 BODY = 22
-_COUNTS = (BODY, 24, 52, 55)
+COUNTS = (BODY, 24, 52, 55)
 # What is in the world comes before what is in the camera's axes.
 _WHOLE: tuple[str, ...] = ("poses", "pose_world", "pose", "fullpose", "smpl_pose", "thetas")
 _ROOT: tuple[str, ...] = ("root_orient", "global_orient", "root_pose")
@@ -54,15 +54,27 @@ def turns(arrays: dict[str, Array], names: SmplArrays, source: Source) -> Array:
     """
     if len(names.rotations) == 1:
         (name,) = names.rotations
-        return _vectors(arrays[name], name, _COUNTS, source)[:, :BODY]
+        return _vectors(arrays[name], name, COUNTS, source)[:, :BODY]
     root, parts = names.rotations
     of_root = _vectors(arrays[root], root, (1,), source)
-    of_parts = _vectors(arrays[parts], parts, tuple(count - 1 for count in _COUNTS), source)
+    of_parts = _vectors(arrays[parts], parts, tuple(count - 1 for count in COUNTS), source)
     if len(of_root) != len(of_parts):
         raise source.error(
             expected=f"as many frames in {parts} as in {root}, {len(of_root)}", found=f"{len(of_parts)}"
         )
     return np.concatenate([of_root, of_parts], axis=1)[:, :BODY]
+
+
+def path_of(arrays: dict[str, Array], names: SmplArrays, frames: int, source: Source) -> Array:
+    """The path (T, 3) that belongs to rotations of this many frames; CaptureError for another shape."""
+    path = numbers(arrays[names.path], names.path, source)
+    if path.shape == (frames, 1, 3):
+        path = path[:, 0]
+    if path.shape != (frames, 3):
+        raise source.error(
+            expected=f"{names.path} of shape ({frames}, 3), as {names.rotations[0]}", found=f"{path.shape}"
+        )
+    return path
 
 
 def numbers(array: Array, name: str, source: Source) -> Array:
