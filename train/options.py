@@ -23,9 +23,9 @@ training_options = option_group(
         "--from",
         "start",
         metavar="POLICY",
-        help="Start from a tracker (a policy for any motion): `tracker`, which ships, `standing` for a "
-        "motion without strides, or a run folder. Replaces the settings of the preset with its own; --preset "
-        "robust adds pushes; --preset obstacles adds obstacles, best to `robust_walk`.",
+        help="Start from a trained policy: `tracker` for a walk or run, `standing` for a motion without "
+        "strides, `robust_walk` with --preset obstacles, or a run folder. The settings are then its own; "
+        "--preset robust adds pushes, --preset obstacles adds obstacles.",
     ),
     click.option(
         "--budget",
