@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -23,18 +22,23 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply, rotate, to_rotvec
-from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
-from kinemimic.pipeline.readers.base.people import other_people
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.landmarks.mediapipe_frames import one_document
-from kinemimic.pipeline.readers.landmarks.mediapipe_json import rate_beside_frames
-from kinemimic.pipeline.readers.landmarks.one_person import is_person
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
-from kinemimic.pipeline.readers.segments.smpl_arrays import BODY, COUNTS, SmplArrays, smpl_arrays, turns
+from kinemimic.pipeline.readers.landmarks.mediapipe_frames import numbered, one_document
+from kinemimic.pipeline.readers.landmarks.mediapipe_json import numbers_beside, rate_beside_frames
+from kinemimic.pipeline.readers.landmarks.one_person import is_person, rows_of_one_person
+from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number, times_of_frames
+from kinemimic.pipeline.readers.segments.smpl_arrays import (
+    BODY,
+    COUNTS,
+    SmplArrays,
+    path_of,
+    smpl_arrays,
+    turns,
+    vectors,
+)
 from kinemimic.pipeline.readers.segments.smpl_clip import (
-    RATE,
     SmplMotion,
     clip_of_motion,
     require_path,
@@ -56,15 +60,15 @@ _JOINTS_X = (29, 55)  # in the poses of SMPL-X
 _SEARCHED = 2**22
 _KEY = re.compile(rb'"([A-Za-z]\w{0,30})"\s*:')
 _MOST_FRAMES = 216_000
+_FRAME, _PERSON = "frame", "person_id"
 
 
 @dataclass(frozen=True)
 class _Row:
-    """Parameters of a person in a frame, or in all frames of an object. number: of the frame."""
+    """Parameters of a person in a frame, or in all frames of an object, and what is beside them."""
 
-    number: float
-    person: int
     arrays: dict[str, Array]
+    beside: dict[str, Any]
 
 
 def recognises(source: Source) -> bool:
@@ -72,49 +76,56 @@ def recognises(source: Source) -> bool:
     if source.head[0].lstrip()[:1] not in ("{", "["):
         return False
     names = _names({key.decode() for key in _KEY.findall(source.content[:_SEARCHED])})
-    return names is not None and _shaped(_first(source, names.rotations[-1]), _counts(names)) is not None
+    if names is None:
+        return False
+    return _shaped(_first(source, names.rotations[-1]), _counts(names)[names.rotations[-1]]) is not None
 
 
 def read(source: Source) -> Clip:
     """The motion, as `amass.read`; of several people, the one who is in most frames."""
     document = parse_json(one_document(source))
     names, rows = _rows(document, source)
-    own, people = _of_one_person(rows)
-    arrays = {name: _stacked([row.arrays[name] for row in own], name, source) for name in _of(names)}
-    frames = len(arrays[names.path])
-    path = arrays[names.path].reshape(frames, 3)
+    arrays = {name: _stacked([row.arrays[name] for row in rows], name, source) for name in _counts(names)}
+    frames = len(arrays[names.rotations[-1]])
+    path = path_of(arrays, names, frames, source)
     if names == _EASYMOCAP:
         turned, path = _from_easymocap(arrays, path, source)
     else:
         turned = turns(arrays, names, source)
-    stated = rate_beside_frames(document, source)
-    rate = RATE if stated is None else stated.hertz
-    numbered = np.array([row.number for row in own]) if len(own) == frames else np.arange(frames)
+    beside = numbers_beside([row.beside for row in rows], source) if len(rows) > 1 else rows[0].beside
+    own, people = rows_of_one_person(beside, path[:, None])
+    turned, path = turned[own], path[own]
+    beside = {name: given[own] for name, given in beside.items()}
+    if _FRAME in beside and np.array_equal(beside[_FRAME], np.arange(len(own))):
+        del beside[_FRAME]  # says nothing
+    times = times_of_frames(
+        len(own), beside, source, lambda row: f"frame {own[row]}", rate=rate_beside_frames(document, source)
+    )
+    step = float(np.median(np.diff(times.seconds))) if len(times.seconds) > 1 else 0.0
     motion = SmplMotion(
-        turned=turned,
-        path=path,
-        times=(numbered - numbered[0]) / rate,
-        rate=rate,
+        turned=turned[times.kept],
+        path=path[times.kept],
+        times=times.seconds - times.seconds[0],
+        rate=1.0 / step if step else 1.0,
         gender="neutral",
         names=(names.rotations[-1], names.path),
     )
-    notes = [] if stated is not None else [f"no rate in the file: {RATE:g} Hz"]
-    return clip_of_motion(motion, source, FORMAT, notes=notes, defects=people, arrays=sorted(arrays))
+    defects = [*times.defects, *people]
+    return clip_of_motion(motion, source, FORMAT, notes=[times.note], defects=defects, arrays=sorted(arrays))
 
 
 def _names(keys: set[str]) -> SmplArrays | None:
-    return _EASYMOCAP if keys.issuperset(_of(_EASYMOCAP)) else smpl_arrays(keys)
+    return _EASYMOCAP if keys.issuperset((*_EASYMOCAP.rotations, _EASYMOCAP.path)) else smpl_arrays(keys)
 
 
-def _of(names: SmplArrays) -> tuple[str, ...]:
-    return (*names.rotations, names.path)
-
-
-def _counts(names: SmplArrays) -> tuple[int, ...]:
-    """Numbers of joints that the last of the rotations may have."""
+def _counts(names: SmplArrays) -> dict[str, tuple[int, ...]]:
+    """Array -> the numbers of vectors that a frame may have in it."""
+    *root, joints = names.rotations
     if names == _EASYMOCAP:
-        return (*_ROOTLESS, *_ROOTED)
-    return COUNTS if len(names.rotations) == 1 else tuple(count - 1 for count in COUNTS)
+        of_joints = (*_ROOTLESS, *_ROOTED)
+    else:
+        of_joints = tuple(count - 1 for count in COUNTS) if root else COUNTS
+    return {**dict.fromkeys(root, (1,)), joints: of_joints, names.path: (1,)}
 
 
 def _first(source: Source, name: str) -> Any:
@@ -126,13 +137,13 @@ def _first(source: Source, name: str) -> Any:
         return None
 
 
-def _shaped(value: Any, counts: tuple[int, ...]) -> Array | None:
+def _shaped(value: Any, counts: tuple[int, ...], *, path: bool = False) -> Array | None:
     """Vectors (T, J, 3) or matrices (T, J, 3, 3), J one of `counts`, T = 1 for those of one frame; None for
-    anything else."""
+    anything else, and for matrices in a path."""
     array = numbers(value)
     if array is None or not array.size or array.ndim > 4:
         return None
-    matrices = array.shape[-2:] == (3, 3) and (array.ndim > 2 or counts == (1,))
+    matrices = not path and array.shape[-2:] == (3, 3) and (array.ndim > 2 or counts == (1,))
     last = (3, 3) if matrices else (3,)
     joints, rest = divmod(array.size, int(np.prod(last)))
     if rest:
@@ -144,7 +155,7 @@ def _shaped(value: Any, counts: tuple[int, ...]) -> Array | None:
 
 
 def _rows(document: Any, source: Source) -> tuple[SmplArrays, list[_Row]]:
-    """The names of the arrays, and the parameters of everybody in all frames."""
+    """The names of the arrays, and the parameters of everybody in all frames, or of one object."""
     found = list(_people(document))
     names = next((names for *_, names in found), None)
     if names is None or len(found) > _MOST_FRAMES:
@@ -153,21 +164,33 @@ def _rows(document: Any, source: Source) -> tuple[SmplArrays, list[_Row]]:
             expected=f"at most {_MOST_FRAMES} frames with parameters of an SMPL body",
             found=f"{len(found)}",
         )
-    counts = dict.fromkeys(_of(names), (1,)) | {names.rotations[-1]: _counts(names)}
     rows = []
-    for number, person, parameters, _ in found:
+    for beside, parameters, _ in found:
         arrays: dict[str, Array] = {}
-        for name in counts:
-            array = _shaped(parameters.get(name), counts[name])
+        for name, counts in _counts(names).items():
+            array = _shaped(parameters.get(name), counts, path=name == names.path)
             if array is None:
                 raise source.error(
                     expected=_expected(names, name),
                     found=f"{parameters.get(name)!r}"[:40],
-                    where=f"frame {number:g}",
+                    where=f"frame {beside[_FRAME]}",
                 )
             arrays[name] = array
-        rows.append(_Row(number, person, arrays))
-    return names, rows
+        rows.append(_Row(arrays, beside))
+    frames = [len(row.arrays[names.rotations[-1]]) for row in rows]
+    if len(rows) > 1 and max(frames) > 1:
+        raise source.error(
+            expected="one object with the arrays of all frames, or an object for each frame",
+            found=f"{len(rows)} objects of up to {max(frames)} frames",
+            advice="save each motion as a file",
+        )
+    return names, rows if len(rows) > 1 else [_Row(rows[0].arrays, _columns(found[0][1], frames[0]))]
+
+
+def _columns(parameters: dict[str, Any], frames: int) -> dict[str, Array]:
+    """The numbers of each frame in an object of the arrays of all."""
+    found = {name: numbers(value) for name, value in parameters.items() if isinstance(value, list)}
+    return {name: array for name, array in found.items() if array is not None and array.shape == (frames,)}
 
 
 def _expected(names: SmplArrays, name: str) -> str:
@@ -175,24 +198,30 @@ def _expected(names: SmplArrays, name: str) -> str:
         return f"x, y and z in {name}"
     if name != names.rotations[-1]:
         return f"an axis-angle vector in {name}"
-    return f"axis-angle vectors of {', '.join(map(str, _counts(names)))} joints in {name}"
+    return f"axis-angle vectors of {', '.join(map(str, _counts(names)[name]))} joints in {name}"
 
 
-def _people(document: Any) -> Iterator[tuple[float, int, dict[str, Any], SmplArrays]]:
-    """Number of the frame, number of the person, parameters and their names."""
-    content = document
-    if isinstance(content, dict) and _names(set(content)) is None:
-        content = max((one for one in content.values() if isinstance(one, list)), key=len, default=[])
-    for place, frame in enumerate(content if isinstance(content, list) else [content]):
-        number = _number(frame, is_frame_number, place)
+def _people(document: Any) -> Iterator[tuple[dict[str, Any], dict[str, Any], SmplArrays]]:
+    """For everybody in a frame: numbers and words beside the parameters, the parameters, and their names."""
+    for place, frame in _frames(document):
         for order, person in enumerate(_in_frame(frame)):
             if (names := _names(set(person))) is not None:
-                yield (
-                    number,
-                    int(_number(person, lambda key: key == "id" or is_person(key), order)),
-                    person,
-                    names,
-                )
+                around = {**_scalars(frame), **_scalars(person)}
+                number = next((one for key, one in around.items() if is_frame_number(key)), place)
+                key = next((key for key in around if key.lower() == "id" or is_person(key)), None)
+                yield {**around, _FRAME: number, _PERSON: around[key] if key else order}, person, names
+
+
+def _frames(document: Any) -> list[tuple[int, Any]]:
+    """The frames with their numbers, or places in the list."""
+    content = document
+    if isinstance(content, dict) and _names(set(content)) is None:
+        content = numbered(content) or max(
+            (one for one in content.values() if isinstance(one, list)), key=len, default=[]
+        )
+        if content and isinstance(content[0], tuple):
+            return content
+    return list(enumerate(content if isinstance(content, list) else [content]))
 
 
 def _in_frame(frame: Any) -> list[dict[str, Any]]:
@@ -204,23 +233,11 @@ def _in_frame(frame: Any) -> list[dict[str, Any]]:
     return [one for one in frame if isinstance(one, dict)] if isinstance(frame, list) else []
 
 
-def _number(value: Any, named: Any, otherwise: int) -> float:
-    """The number of a frame or a person in an object, under a key that is `named` so."""
-    if isinstance(value, dict):
-        for key, one in value.items():
-            if isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**53 and named(key.lower()):
-                return float(one)
-    return float(otherwise)
-
-
-def _of_one_person(rows: list[_Row]) -> tuple[list[_Row], list[Defect]]:
-    """The rows of the person in most frames, in the order of the frames; a defect for the others."""
-    main = Counter(row.person for row in rows).most_common(1)[0][0]
-    seen: dict[float, set[int]] = {}
-    for row in rows:
-        seen.setdefault(row.number, set()).add(row.person)
-    own = {row.number: row for row in rows if row.person == main}
-    return [own[number] for number in sorted(own)], list(other_people(list(seen.values()), main))
+def _scalars(value: Any) -> dict[str, Any]:
+    items = value.items() if isinstance(value, dict) else ()
+    return {
+        key: one for key, one in items if isinstance(one, int | float | str) and not isinstance(one, bool)
+    }
 
 
 def _stacked(arrays: list[Array], name: str, source: Source) -> Array:
@@ -233,14 +250,20 @@ def _stacked(arrays: list[Array], name: str, source: Source) -> Array:
 
 def _from_easymocap(arrays: dict[str, Array], path: Array, source: Source) -> tuple[Array, Array]:
     """Turns (T, 22, 3) and the pelvis' path (T, 3): that of a body that turns about the model's origin."""
-    for name in _EASYMOCAP.rotations:
-        require_turns(arrays[name], name, source)
+    of_body, of_joints = (
+        vectors(arrays[name], name, _counts(_EASYMOCAP)[name], source) for name in ("Rh", "poses")
+    )
+    if len(of_body) != len(of_joints):
+        raise source.error(
+            expected=f"as many frames in Rh as in poses, {len(of_joints)}", found=f"{len(of_body)}"
+        )
+    require_turns(of_body, "Rh", source)
+    require_turns(of_joints, "poses", source)
     require_path(path, _EASYMOCAP.path, source)
-    poses, count = arrays["poses"], arrays["poses"].shape[1]
-    turn = from_rotvec(arrays["Rh"][:, 0])
-    turned = np.zeros((len(poses), BODY, 3))
-    turned[:, 1:] = poses[:, : BODY - 1] if count in _ROOTLESS else poses[:, 1:BODY]
-    root = turn if count in _ROOTLESS else multiply(turn, from_rotvec(poses[:, 0]))
-    turned[:, 0] = to_rotvec(root)
+    turn, count = from_rotvec(of_body[:, 0]), of_joints.shape[1]
+    rootless = count in _ROOTLESS
+    turned = np.zeros((len(of_joints), BODY, 3))
+    turned[:, 1:] = of_joints[:, : BODY - 1] if rootless else of_joints[:, 1:BODY]
+    turned[:, 0] = to_rotvec(turn if rootless else multiply(turn, from_rotvec(of_joints[:, 0])))
     pelvis = np.array(_PELVIS_X if count in _JOINTS_X else _PELVIS)
     return turned, path + rotate(turn, np.broadcast_to(pelvis, path.shape))

@@ -79,13 +79,22 @@ def one_document(source: Source) -> Source:
     return source.with_text("[" + "\n".join(lines)[:-1] + "]")
 
 
-def _by_number(content: dict[str, Any]) -> list[Any] | None:
-    """The frames of an object whose keys are all numbered, in their order; None for another object."""
+def numbered(content: dict[str, Any]) -> list[tuple[int, Any]] | None:
+    """The numbers and values of an object whose keys are all numbered ("12", "frame_0012"), in their order;
+    None for another object."""
     found = {key: _NUMBERED.fullmatch(key) for key in content}
     numbers = {key: int(match[1]) for key, match in found.items() if match is not None}
     if not numbers or len(numbers) < len(content):
         return None
-    frames = [(numbers[key], _frame(content[key])) for key in sorted(content, key=numbers.__getitem__)]
+    return [(numbers[key], content[key]) for key in sorted(content, key=numbers.__getitem__)]
+
+
+def _by_number(content: dict[str, Any]) -> list[Any] | None:
+    """The frames of an object whose keys are all numbered; None for another object."""
+    found = numbered(content)
+    if found is None:
+        return None
+    frames = [(number, _frame(value)) for number, value in found]
     return [{"frame": number, **frame} if isinstance(frame, dict) else frame for number, frame in frames]
 
 

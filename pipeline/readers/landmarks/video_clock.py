@@ -72,7 +72,7 @@ def times_of_frames(
         return VideoTimes(np.arange(count) / hertz, np.ones(count, dtype=np.bool_), [], note)
     clock = beside[name]
     kept, defects = increasing_times(clock)
-    seconds = (clock[kept] - clock[0]) / hertz
+    seconds = (clock[kept] - clock[kept][0]) / hertz
     note = f"times are frame numbers ({name}) at {hertz:g} Hz"
     if stated:
         note += f" ({stated})"
@@ -108,7 +108,7 @@ def _column_of_rate(beside: Mapping[str, Array]) -> Rate | None:
 
 def _counts_frames(clock: Array, hertz: float) -> bool:
     """Whether these are numbers of frames: whole, never falling, and as close together as a camera's."""
-    if not np.isfinite(clock).all() or (clock != np.round(clock)).any():
+    if not (np.abs(clock) < 2.0**53).all() or (clock != np.round(clock)).any():  # NaN too
         return False
     steps = np.diff(clock)
     forward = steps > 0.0

@@ -54,10 +54,10 @@ def turns(arrays: dict[str, Array], names: SmplArrays, source: Source) -> Array:
     """
     if len(names.rotations) == 1:
         (name,) = names.rotations
-        return _vectors(arrays[name], name, COUNTS, source)[:, :BODY]
+        return vectors(arrays[name], name, COUNTS, source)[:, :BODY]
     root, parts = names.rotations
-    of_root = _vectors(arrays[root], root, (1,), source)
-    of_parts = _vectors(arrays[parts], parts, tuple(count - 1 for count in COUNTS), source)
+    of_root = vectors(arrays[root], root, (1,), source)
+    of_parts = vectors(arrays[parts], parts, tuple(count - 1 for count in COUNTS), source)
     if len(of_root) != len(of_parts):
         raise source.error(
             expected=f"as many frames in {parts} as in {root}, {len(of_root)}", found=f"{len(of_parts)}"
@@ -84,8 +84,8 @@ def numbers(array: Array, name: str, source: Source) -> Array:
     return np.asarray(array, dtype=np.float64)
 
 
-def _vectors(array: Array, name: str, counts: tuple[int, ...], source: Source) -> Array:
-    """Axis-angle vectors (T, J, 3), J one of `counts`."""
+def vectors(array: Array, name: str, counts: tuple[int, ...], source: Source) -> Array:
+    """Axis-angle vectors (T, J, 3), J one of `counts`, of an array as in `turns`; CaptureError for others."""
     values = numbers(array, name, source)
     are_matrices = values.ndim >= 3 and values.shape[-2:] == (3, 3)
     last = (3, 3) if are_matrices else (3,)

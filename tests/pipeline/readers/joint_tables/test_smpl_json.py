@@ -149,6 +149,50 @@ def test_what_is_damaged_is_one_clear_line(changed: dict[str, Any], found: str) 
         read(frames)
 
 
+def test_frames_by_their_numbers_and_clocks_of_their_own(walk: Clip) -> None:
+    by_number = {str(2 * k): [one] for k, one in enumerate(PEOPLE)}
+    clip = read(dict(sorted(by_number.items())))  # 0, 10, 12 …
+    np.testing.assert_array_equal(clip.positions, walk.positions)
+    np.testing.assert_allclose(clip.times, 2.0 * walk.times)
+    timed = [{"timestamp": k / 60, "people": [one]} for k, one in enumerate(PEOPLE)]
+    np.testing.assert_allclose(read(timed).times, 0.5 * walk.times)
+    np.testing.assert_allclose(read([{**one, "fps": 60} for one in PEOPLE]).times, 0.5 * walk.times)
+    turned, path = sample.walk(FRAMES)
+    arrays = {"poses": turned.reshape(FRAMES, -1).tolist(), "trans": path.tolist()}
+    stamps = (1e9 + np.arange(FRAMES) / 120).tolist()
+    np.testing.assert_allclose(read({**arrays, "timestamps": stamps}).times, 0.25 * walk.times, atol=1e-6)
+    # A number that counts detections is no person's.
+    counted = read([{**one, "id": k} for k, one in enumerate(PEOPLE)])
+    np.testing.assert_array_equal(counted.positions, walk.positions)
+
+
+def test_rotation_matrices_of_easymocap(walk: Clip) -> None:
+    def turned(values: list[list[float]]) -> list[Any]:
+        return to_matrix(from_rotvec(np.array(values).reshape(-1, 3))).tolist()
+
+    others = [{**one, "Rh": turned(one["Rh"]), "poses": turned(one["poses"])} for one in PEOPLE]
+    np.testing.assert_allclose(read(others).positions, walk.positions, atol=1e-9)
+
+
+def test_arrays_of_other_lengths_are_refused() -> None:
+    turned, path = sample.walk(FRAMES)
+    flat, way = turned.reshape(FRAMES, -1).tolist(), path.tolist()
+    for content, found in (
+        (
+            {"poses": flat, "trans": way[1:]},
+            r"expected trans of shape \(40, 3\), as poses, found \(39, 1, 3\)",
+        ),
+        ({"poses": flat, "trans": way[0]}, r"found \(1, 1, 3\)"),
+        (
+            {"poses": flat, "trans": way, "Rh": way[1:], "Th": way},
+            "as many frames in Rh as in poses, 40, found 39",
+        ),
+        ([{"poses": flat, "trans": way}] * 2, "an object for each frame, found 2 objects of up to 40 frames"),
+    ):
+        with pytest.raises(CaptureError, match=found):
+            read(content)
+
+
 @pytest.mark.parametrize(
     "content",
     [
