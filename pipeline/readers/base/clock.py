@@ -4,6 +4,7 @@ must be told from its steps.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 
@@ -16,8 +17,9 @@ from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
 
 # Unit -> seconds, and how a column's name says it.
-UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
+UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "100ns": 1e-7, "ns": 1e-9}
 _NAMED: tuple[tuple[str, re.Pattern[str]], ...] = (
+    ("100ns", re.compile(r"\bticks?\b|\b100 ?ns\b", re.IGNORECASE)),
     ("ns", re.compile(r"\bns\b|nanos", re.IGNORECASE)),
     ("µs", re.compile(r"\b[uµμ]s\b|[uµμ]sec|micros", re.IGNORECASE)),
     ("ms", re.compile(r"\bms\b|msec|millis", re.IGNORECASE)),
@@ -38,9 +40,10 @@ _RATES = frozenset((
 ))  # fmt: skip
 # Share of a clock's steps that go forward: recordings may be joined, or be of one person after the other.
 _FORWARD = 0.8
-# Limits of a camera's median step in seconds: 500 Hz to one picture in half a second. Units are a thousand
-# times apart, so that no step fits two of them.
+# Limits of a camera's median step in seconds: 500 Hz to one picture in half a second. Of two units that a
+# step fits (ticks of 100 ns and µs), it is in the one in which it is nearer to the usual one.
 STEPS = (0.002, 0.5)
+_USUAL_STEP = 1.0 / 30.0
 
 
 def clock_column(names: Sequence[str]) -> int | None:
@@ -91,7 +94,8 @@ def _unit_of(step: float, name: str) -> str | None:
     """The unit in which a step is a camera's: the one that the name states, or any; None if there is none."""
     stated = named_unit(name)
     possible = [stated] if stated else list(UNITS)
-    return next((unit for unit in possible if STEPS[0] <= step * UNITS[unit] <= STEPS[1]), None)
+    fitting = [unit for unit in possible if STEPS[0] <= step * UNITS[unit] <= STEPS[1]]
+    return min(fitting, key=lambda unit: abs(math.log(step * UNITS[unit] / _USUAL_STEP)), default=None)
 
 
 def named_unit(name: str) -> str | None:

@@ -23,7 +23,7 @@ _PLAUSIBLE_STEPS = (0.004, 0.2)
 # Largest step of numbers that count frames, and are not called so.
 _FRAME_STEP = 7
 # A unit in a column's name -> a key of SECONDS.
-_STATED = {"s": "s", "ms": "ms", "µs": "us"}
+_STATED = {"s": "s", "ms": "ms", "µs": "us", "100ns": "100ns"}
 # Thigh plus shank of an adult in metres; decides if no unit gives a plausible leg.
 _ADULT_LEG = 0.82
 _AXES = "XYZ"

@@ -204,6 +204,11 @@ class Cells:
             )
         except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
             self.fail(None, expected="rows of one table", found=str(error).strip().splitlines()[-1])
+        except ValueError as error:
+            if not str(error).startswith("Usecols"):
+                raise  # no number in a column of numbers
+            self._check_lines()
+            self.fail(None, expected=f"{self.width} columns in every row", found="fewer")
 
     def _marks(self, kind: type) -> list[Any]:
         """The missing-value marks that are numbers (float) or words (str)."""

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from kinemimic.pipeline.errors import NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
+from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import parse_json
 from kinemimic.pipeline.readers.base.source import Source
@@ -27,11 +29,11 @@ from kinemimic.pipeline.readers.joint_tables.listed_joints import (
     listed_joints,
     with_names,
 )
-from kinemimic.pipeline.readers.landmarks.mediapipe_frames import one_document
+from kinemimic.pipeline.readers.landmarks.mediapipe_frames import numbered, one_document
 from kinemimic.pipeline.readers.landmarks.mediapipe_json import numbers_beside, rate_beside_frames
 from kinemimic.pipeline.readers.landmarks.one_person import is_person, rows_of_one_person
 from kinemimic.pipeline.readers.landmarks.unnamed_joints import clip_of_unnamed
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate
+from kinemimic.pipeline.readers.landmarks.video_clock import Rate, is_frame_number
 
 FORMAT = Format(
     name="joint JSON",
@@ -62,6 +64,7 @@ _ORDERED = frozenset(map(len, ORDERS.values()))
 # Objects around the frames.
 _MOST_AROUND = 3
 _PERSON = "body_id"
+_FRAME = "frame"
 # Keys of a time of ROS 1, of OpenPTrack and of ROS 2.
 _STAMPS = (("secs", "nsecs"), ("sec", "nsec"), ("sec", "nanosec"))
 
@@ -86,7 +89,9 @@ def read(source: Source) -> Clip:
 
 def clip_of_document(document: Any, source: Source, format: Format) -> Clip:
     """`read`, for objects, lists, numbers and words that are parsed already, of a file in some format."""
-    rows = [row for frame in _frames(document, source) for row in _rows(frame)]
+    rows = _with_numbers(
+        [(number, row) for number, frame in _frames(document, source) for row in _rows(frame)]
+    )
     if (names := joint_names(document)) is not None:
         rows = with_names(rows, names)
     columns = list(dict.fromkeys(name for row in rows for name in row))
@@ -136,10 +141,25 @@ def name_legs(names: Iterable[str]) -> bool:
     return joints_by_name(tuple(names)).keys() >= set(REQUIRED)
 
 
-def _frames(document: Any, source: Source) -> list[Any]:
+def _with_numbers(rows: Sequence[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
+    """The rows of somebody; with the numbers of their frames if these do not follow one another, and
+    no clock says so."""
+    found = [(number, row) for number, row in rows if row]
+    steps = {after - before for (before, _), (after, _) in pairwise(found)}
+    if steps <= {1} or any(says_time(name) or is_frame_number(name) for name in found[0][1]):
+        return [row for _, row in found]
+    return [{_FRAME: number, **row} for number, row in found]
+
+
+def _frames(document: Any, source: Source) -> list[tuple[int, Any]]:
+    """The frames with their numbers, or places in the list."""
     content = document
     for _ in range(_MOST_AROUND):
         if not isinstance(content, dict):
+            break
+        by_number = numbered(content) or []
+        if len(by_number) > 1:
+            content = by_number
             break
         inner: Any = max(_lists(content), key=len, default=None)
         if inner is None:
@@ -155,7 +175,7 @@ def _frames(document: Any, source: Source) -> list[Any]:
         raise NotACaptureError(source.path, expected="a list of frames", found="none")
     if len(content) > _MOST_FRAMES:
         raise source.error(expected=f"at most {_MOST_FRAMES} frames", found=f"{len(content)}")
-    return content
+    return content if isinstance(content[0], tuple) else list(enumerate(content))
 
 
 def _lists(value: dict[str, Any]) -> Iterator[list[Any]]:

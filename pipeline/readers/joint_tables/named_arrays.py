@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.readers.array_files.npz import array_shapes, read_arrays
-from kinemimic.pipeline.readers.base.clock import is_rate, says_time
+from kinemimic.pipeline.readers.base.clock import is_rate, says_time, seconds_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.joint_tables import joint_table, marker_csv
@@ -107,7 +107,9 @@ def _times(count: int, source: Source) -> Array | None:
     shapes = array_shapes(source)
     clock = next((name for name in sorted(shapes) if says_time(name) and shapes[name] == (count,)), None)
     if clock is not None:
-        return _numbers(read_arrays(source, [clock])[clock], clock, source)
+        values = _numbers(read_arrays(source, [clock])[clock], clock, source)
+        seconds, kept, *_ = seconds_of(values, clock, source, lambda row: f"frame {row}")
+        return seconds - seconds[0] if kept.all() else values
     rate = next((name for name in sorted(shapes) if is_rate(name) and shapes[name] in ((), (1,))), None)
     if rate is None:
         return None
@@ -121,5 +123,5 @@ def _table(names: tuple[str, ...], points: Array, times: Array | None, source: S
     header = [f'"{name}_{axis}"' for name in names for axis in "xyz"]
     if times is not None:
         rows, header = np.column_stack([times, rows]), ["time", *header]
-    lines = (",".join(f"{value:.9g}" for value in row.tolist()) for row in rows)
+    lines = (",".join(f"{value:.12g}" for value in row.tolist()) for row in rows)
     return source.with_text("\n".join([",".join(header), *lines]) + "\n")

@@ -121,10 +121,9 @@ def _names(keys: set[str]) -> SmplArrays | None:
 def _counts(names: SmplArrays) -> dict[str, tuple[int, ...]]:
     """Array -> the numbers of vectors that a frame may have in it."""
     *root, joints = names.rotations
+    of_joints: tuple[int, ...] = tuple(count - 1 for count in COUNTS) if root else COUNTS
     if names == _EASYMOCAP:
         of_joints = (*_ROOTLESS, *_ROOTED)
-    else:
-        of_joints = tuple(count - 1 for count in COUNTS) if root else COUNTS
     return {**dict.fromkeys(root, (1,)), joints: of_joints, names.path: (1,)}
 
 

@@ -9,6 +9,8 @@ metres are a capture (blaze_pose.py).
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -37,6 +39,7 @@ FORMAT = Format(
     width_in_header=True,
 )
 _SEPARATORS = (",", ";", "\t")
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
 def recognises(source: Source) -> bool:
@@ -100,5 +103,6 @@ def _separator(source: Source) -> str:
 
 
 def _names(source: Source) -> list[str]:
-    """The names in the first line, in lower case."""
-    return [name.strip().strip('"').lower() for name in source.head[0].split(_separator(source))]
+    """The names in the first line, in lower case, with words apart: "leftKneeX" is left_knee_x."""
+    names = (name.strip().strip('"') for name in source.head[0].split(_separator(source)))
+    return [_HUMP.sub("_", name).lower() for name in names]

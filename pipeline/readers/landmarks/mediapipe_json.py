@@ -12,6 +12,7 @@ video ("fps") is beside them.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from json import JSONDecoder
 from typing import Any
 
@@ -23,6 +24,7 @@ from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.clock import clock_of, is_rate, says_time
+from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.dates import seconds_of_dates
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
@@ -32,6 +34,7 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     FIT_FOR_USE,
     LANDMARKS,
+    NUMBER,
     clip_of_landmarks,
     path_of_landmarks,
 )
@@ -45,7 +48,12 @@ from kinemimic.pipeline.readers.landmarks.mediapipe_frames import (
     parse_frames,
 )
 from kinemimic.pipeline.readers.landmarks.one_person import rows_of_one_person
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate, stated_rate, times_of_frames
+from kinemimic.pipeline.readers.landmarks.video_clock import (
+    Rate,
+    is_frame_number,
+    stated_rate,
+    times_of_frames,
+)
 
 FORMAT = Format(
     name="MediaPipe landmarks JSON",
@@ -55,6 +63,9 @@ FORMAT = Format(
     "and visibility",
 )
 _FIELDS = ("x", "y", "z", "visibility", "presence")
+# Names of objects with places, as keys or beside them; so many are joints.
+_NAMED = re.compile(r'"([A-Za-z][\w .-]{1,40})"\s*:\s*\{\s*"|"name"\s*:\s*"([\w .-]{1,40})"')
+_FEWEST_NAMES = 8
 
 
 def recognises(source: Source) -> bool:
@@ -65,7 +76,14 @@ def recognises(source: Source) -> bool:
     keys = [key for key in (*WORLD, *IMAGE) if key != POSE and f'"{key}"' in head]
     if keys and all(key in ANY for key in keys):
         return _lists_landmarks(source.text, keys[0])
-    return bool(keys) or ('"x"' in head and '"visibility"' in head)
+    return bool(keys) or ('"x"' in head and '"visibility"' in head and not _names_others(head))
+
+
+def _names_others(head: str) -> bool:
+    """Whether objects have names, as keys or beside their places, that are mostly not MediaPipe's."""
+    names = {one for match in _NAMED.finditer(head) for one in match.groups() if one}
+    own = sum("_".join(words_of(name)) in NUMBER for name in names)
+    return len(names) >= _FEWEST_NAMES and own <= 0.5 * len(LANDMARKS)
 
 
 def _lists_landmarks(text: str, key: str) -> bool:
@@ -88,6 +106,7 @@ def read(source: Source) -> Clip:
     """
     document, frames = parse_frames(source)
     key = _landmarks_key(frames, source)
+    frames = _timed(frames, key)
     values = np.full((len(frames), len(LANDMARKS), len(_FIELDS)), np.nan)
     values[..., 3:] = 1.0
     others = 0
@@ -137,6 +156,13 @@ def _landmarks_key(frames: list[dict[str, Any]], source: Source) -> str:
     raise source.error(
         expected=f"frames with {WORLD[0]}", found="none with a person's landmarks", advice=FIT_FOR_USE
     )
+
+
+def _timed(frames: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    """The frames without those that show nobody and lack the time or number that most frames have."""
+    count = Counter(one for frame in frames for one in frame if says_time(one) or is_frame_number(one))
+    clocks = [one for one, found in count.items() if 2 * found > len(frames)]
+    return [frame for frame in frames if frame.get(key) or all(frame.get(one) is not None for one in clocks)]
 
 
 def _landmarks(value: Any, number: int, source: Source) -> tuple[Array | None, bool]:

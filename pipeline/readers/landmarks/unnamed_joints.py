@@ -20,6 +20,8 @@ from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_l
 from kinemimic.pipeline.readers.landmarks.joint_sets import joint_set_of, places
 from kinemimic.pipeline.readers.landmarks.video_clock import Rate, times_of_frames
 
+_PIXELS = 20.0  # larger than a person in metres
+
 
 def clip_of_unnamed(
     points: Array,
@@ -92,9 +94,11 @@ def clip_of_unnamed(
 
 
 def is_flat(points: Array) -> bool:
-    """Whether (T, J, 3) are x and y in a picture and a confidence."""
+    """Whether (T, J, 3) are x and y in a picture, in pixels or as shares of it, and a confidence."""
     known = points[np.isfinite(points).all(axis=-1)]
-    return len(known) > 0 and bool((known >= 0.0).all() and (known[:, 2] <= 1.0).all())
+    if not len(known) or (known < 0.0).any() or (known[:, 2] > 1.0).any():
+        return False
+    return bool((known[:, :2] <= 1.0).all() or np.percentile(known[:, :2], 95.0) > _PIXELS)
 
 
 def _as_shares(sure: Array) -> Array:

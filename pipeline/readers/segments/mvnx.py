@@ -8,6 +8,8 @@ abduction, rotation, flexion) are MVN's own.
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
@@ -37,6 +39,7 @@ _MAX_COORDINATE = 1e4
 _RATES = (1.0, 1000.0)
 # The times are whole milliseconds, of which a rate of 60 Hz makes steps of 16 and 17.
 _TIME_DIGITS = 1.1e-3
+_ROOT = re.compile(r"<(?:\w+:)?mvnx\b")
 _PELVIS = "Pelvis"
 # Metres from the pelvis; only its direction counts.
 _SPINE = 0.15
@@ -50,7 +53,7 @@ _ANGLES: dict[str, str] = {
 
 def recognises(source: Source) -> bool:
     """True for XML whose first lines open <mvnx>."""
-    return source.head[0].lstrip().startswith("<") and any("<mvnx" in line for line in source.head)
+    return source.head[0].lstrip().startswith("<") and any(map(_ROOT.search, source.head))
 
 
 def read(source: Source) -> Clip:

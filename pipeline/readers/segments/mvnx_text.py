@@ -17,6 +17,8 @@ from kinemimic.pipeline.readers.base.source import Source
 
 # Elements of a frame whose numbers are kept.
 FIELDS: tuple[str, ...] = ("orientation", "position", "jointAngle")
+# Start of the names of elements with the segments and joints of fingers, which frames list apart.
+_FINGERS = "fingerTracking"
 # An hour at 240 Hz.
 MAX_FRAMES = 864_000
 
@@ -90,10 +92,14 @@ class _Handlers:
         self.words: list[str] | None = None
         self.joint = Joint("", "", "", "", "")
         self.point = ""
+        self.in_fingers = 0
 
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
         # A namespace's prefix, which some writers use, says nothing here.
         name = name.rpartition(":")[2]
+        self.in_fingers += name.startswith(_FINGERS)
+        if self.in_fingers:
+            return
         if name == "mvnx":
             self.content.version = attributes.get("version", "")
         elif name == "subject":
@@ -115,6 +121,9 @@ class _Handlers:
 
     def end(self, name: str) -> None:
         name = name.rpartition(":")[2]
+        if self.in_fingers:
+            self.in_fingers -= name.startswith(_FINGERS)
+            return
         if name == "frame":
             self.frame = None
         elif name == "joint" and self.joint.above:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from samples import source_of
 
-from kinemimic.pipeline.readers.base.clock import clock_of, is_rate, says_time
+from kinemimic.pipeline.readers.base.clock import UNITS, clock_of, is_rate, says_time, seconds_of
 from kinemimic.pipeline.readers.base.column_names import words_of
 
 SECONDS = np.arange(40) / 60.0
@@ -41,6 +44,25 @@ def test_the_clock_is_the_first_that_runs_forward_as_a_camera_does() -> None:
     }
     assert clock_of(beside) == "elapsed"
     assert clock_of({name: beside[name] for name in ("inference_time", "frame_time", "t")}) is None
+
+
+@pytest.mark.parametrize(
+    ("step", "name", "unit"),
+    [
+        (333_333.0, "timestamp", "100ns"),
+        (166_667.0, "timestamp", "100ns"),
+        (33_333.0, "timestamp", "µs"),
+        (16_667.0, "timestamp", "µs"),
+        (333_333.0, "timestamp_us", "µs"),
+        (33_333_333.0, "timestamp", "ns"),
+        (33.3, "timestamp", "ms"),
+    ],
+)
+def test_the_unit_is_the_one_with_the_usual_step(step: float, name: str, unit: str) -> None:
+    source = source_of("x", Path("a.json"))
+    seconds, kept, _, found = seconds_of(step * np.arange(40.0), name, source, str)
+    assert (found, kept.all()) == (unit, True)
+    assert seconds[1] == pytest.approx(step * UNITS[unit])
 
 
 def test_a_clock_in_which_times_are_repeated_and_begin_again() -> None:

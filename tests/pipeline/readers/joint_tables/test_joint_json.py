@@ -197,6 +197,44 @@ def test_people_are_told_by_their_numbers_not_their_places(tmp_path: Path) -> No
     assert (defect["rule"], defect["count"], defect["action"]) == ("several_people", 1, "repaired")
 
 
+def test_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """Sorted as words by the program that wrote them, at every second frame of a camera at 50 Hz."""
+    of_frames = {f"{2 * k}": by_name(places) for k, places in enumerate(PLACES)}
+    content = {"fps": 2 * RATE, "frames": dict(sorted(of_frames.items()))}
+    for one in (content, dict(sorted(of_frames.items()))):
+        (tmp_path / "a.json").write_text(json.dumps(one))
+        clip = recognise.read(tmp_path / "a.json")
+        assert clip.times[-1] - clip.times[0] == pytest.approx(
+            2 * (FRAMES - 1) / (2 * RATE if "fps" in one else 30)
+        )
+        assert np.abs(np.diff(clip.positions[:, 0], axis=0)).max() < 0.1
+
+
+@pytest.mark.parametrize("number", [True, False])
+def test_frames_in_which_somebody_is_not_seen_are_a_gap(number: bool, tmp_path: Path) -> None:
+    """Without a clock, the place of a frame in the list is its time; nobody is seen at the end."""
+    missing = range(15, 30)
+    frames: list[dict[str, Any]] = []
+    for k, places in enumerate(PLACES):
+        other = {**body(2, np.add(places, [1.5, 0.0, 0.5]).tolist()), **({} if number else {"id": None})}
+        own = [] if k in missing else [body(1, places)]
+        frames.append({"bodies": [*own, *([other] if number and k > 20 else [])]})
+    frames += [{"bodies": []}] * 2
+    (tmp_path / "a.json").write_text(json.dumps(frames))
+    clip = recognise.read(tmp_path / "a.json")
+    assert len(clip.times) == FRAMES - len(missing)
+    assert clip.times[-1] - clip.times[0] == pytest.approx((FRAMES - 1) / 30)
+    assert np.diff(clip.times).max() == pytest.approx((len(missing) + 1) / 30)
+
+
+def test_a_few_joints_with_their_visibility_are_no_landmarks_of_mediapipe(tmp_path: Path) -> None:
+    def seen(places: list[list[float]]) -> dict[str, Any]:
+        return {name: {**one, "visibility": 0.9} for name, one in by_name(places).items()}
+
+    (tmp_path / "a.json").write_text(json.dumps(each(lambda t, places: {"time": t, "joints": seen(places)})))
+    check(tmp_path / "a.json")
+
+
 @pytest.mark.parametrize(
     "content", [{"joints": 3}, [{"joints": [1, 2]}], [{"skeleton": [[0, 0, 0]] * 20}] * 9]
 )

@@ -54,6 +54,15 @@ def test_markers_in_millimetres_with_times() -> None:
         assert np.abs(curve - SHOWN.angles[name]).max() < 1e-5, name
 
 
+@pytest.mark.parametrize(("begin", "unit"), [(1.7e9, 1.0), (1.7e12, 1e-3), (3.6e12, 1e-9), (6.3e17, 1e-7)])
+def test_times_since_long_ago(begin: float, unit: float) -> None:
+    """Seconds and milliseconds of 1970, nanoseconds since the start of the computer, ticks of .NET."""
+    places = markers(SHOWN)
+    points = np.stack(list(places.values()), axis=1)
+    clip = read(archive(labels=np.array(list(places)), data=points, timestamps=begin + SHOWN.times / unit))
+    assert clip.times - clip.times[0] == pytest.approx(SHOWN.times, abs=1e-4)
+
+
 def test_places_are_neither_velocities_nor_centres_of_mass() -> None:
     """MuJoCo's names: the order of the archive does not matter."""
     points = SHOWN.joints[:, [NODE_INDEX[node] for node in sample.BODIES.values()]]

@@ -222,6 +222,15 @@ def test_still_points_are_no_body(count: int) -> None:
     assert taken <= 1
 
 
+def test_a_body_in_the_corner_of_a_room_is_no_picture() -> None:
+    """On a treadmill, no coordinate of it is negative, and none of the third above 1."""
+    points = joints(walk(40), KINECT_V2)
+    points = points - points[:, :1]
+    points -= points.min(axis=(0, 1))
+    assert points[..., 1].max() > 1.0 > points[..., 2].max()
+    assert len(read(saved(points)).times) == 40
+
+
 @pytest.mark.parametrize("size", [1.0, 1000.0])
 def test_keypoints_in_a_picture_are_refused(size: float) -> None:
     places = joints(walk(30), COCO)[..., :2]

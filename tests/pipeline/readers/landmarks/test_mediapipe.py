@@ -56,7 +56,12 @@ def test_a_row_a_frame() -> None:
     assert clip.states[0, clip.skeleton.index("wrist_left")] == 2
 
 
-@pytest.mark.parametrize("spelling", ["L{}_{}", "{}_{}", "x1", "named", "NAMED", "presence"])
+def camel(name: str) -> str:
+    first, *others = name.split("_")
+    return first + "".join(map(str.title, others))
+
+
+@pytest.mark.parametrize("spelling", ["L{}_{}", "{}_{}", "x1", "named", "NAMED", "camelCase", "presence"])
 def test_spellings_of_the_columns(spelling: str) -> None:
     names, text = TEXT.split("\n", 1)
     for number in reversed(range(len(LANDMARKS))):
@@ -64,6 +69,7 @@ def test_spellings_of_the_columns(spelling: str) -> None:
             new = {
                 "x1": f"{field[0]}{number + 1}",
                 "named": f"{LANDMARKS[number]}_{field}",
+                "camelCase": f"{camel(LANDMARKS[number])}{field.title()}",
                 "NAMED": f"{LANDMARKS[number].upper()}_{field.upper()}",
                 "presence": f"landmark_{number}_{'presence' if field == 'visibility' else field}",
             }.get(spelling) or spelling.format(number, field)
@@ -192,6 +198,17 @@ def test_json_of_lists_in_an_object_with_several_people() -> None:
     assert (defect["rule"], defect["count"]) == ("several_people", FRAMES - 1)
 
 
+@pytest.mark.parametrize("nobody", [None, {"pose_world_landmarks": None}, {"timestamp_ms": None}])
+@pytest.mark.parametrize("number", [0, 7])
+def test_a_frame_without_a_person_and_a_time_is_a_gap_of_the_clock(number: int, nobody: object) -> None:
+    document: list[object] = list(json_sample.document(FRAMES))
+    document[number] = nobody
+    clip, shown = read(json.dumps(document), "pose.json"), walk(FRAMES)
+    assert clip.provenance["reading"]["notes"][0] == "times in ms (timestamp_ms)"
+    times = np.delete(shown.times, number)
+    assert clip.times - clip.times[0] == pytest.approx(times - times[0], abs=1e-5)
+
+
 @pytest.mark.parametrize(
     "stated", [{"fps": 60}, {"video_fps": 60.0}, {"frameRate": 60}, {"metadata": {"frame_rate": 60}}]
 )
@@ -213,8 +230,12 @@ def test_image_landmarks_are_told_apart_and_refused() -> None:
     names = ",".join(["frame", *(f"L{k}_{axis}" for k in range(len(LANDMARKS)) for axis in "xyz")])
     for scale, says in ((1.0, "image landmarks, shares of a picture"), (1000.0, "image landmarks in pixels")):
         rows = [f"{k}," + ",".join(f"{v:.6f}" for v in scale * row.ravel()) for k, row in enumerate(image)]
-        with pytest.raises(CaptureError, match=f"expected world landmarks, .*{says}.*give the video itself"):
-            read("\n".join([names, *rows]) + "\n")
+        for header in (
+            names,
+            ",".join(["frame", *(f"{camel(one)}_{axis}" for one in LANDMARKS for axis in "xyz")]),
+        ):
+            with pytest.raises(CaptureError, match=f"expected world landmarks, .*{says}.*give the video"):
+                read("\n".join([header, *rows]) + "\n")
     document = [{"landmarks": frame["pose_landmarks"]} for frame in json_sample.document(FRAMES)]
     with pytest.raises(CaptureError, match="image landmarks, shares of a picture"):
         read(json.dumps(document), "pose.json")

@@ -67,6 +67,19 @@ def test_the_pelvis_and_the_legs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
         assert np.degrees(np.abs(curve - own[name])).max() < 0.1, name
 
 
+def test_fingers_are_left_out_and_a_namespace_is_no_matter() -> None:
+    fingers = (
+        "</joints><fingerTrackingSegmentsLeft><segment label='LeftCarpus' id='1'><points><point label='j'>"
+        "<pos_b>0 0 0</pos_b></point></points></segment></fingerTrackingSegmentsLeft>"
+        "<fingerTrackingJointsLeft><joint label='jLeftFirstCMC'><connector1>LeftCarpus/j</connector1>"
+        "<connector2>LeftFirstMC/j</connector2></joint></fingerTrackingJointsLeft>"
+    )
+    clip = read(TEXT.replace("</joints>", fingers))
+    assert np.array_equal(clip.positions, read(TEXT).positions)
+    spaced = re.sub(r"<(/?)(?=[a-z])", r"<\1x:", TEXT).replace("<x:mvnx", "<x:mvnx xmlns:x='urn:x'")
+    assert np.array_equal(read(spaced).positions, clip.positions)
+
+
 def with_points(text: str, places: dict[str, Array]) -> str:
     """The file without positions, with the places (3,) of the joints on the segments above them."""
     text = re.sub(r"<position>.*?</position>", "", text, flags=re.DOTALL)
