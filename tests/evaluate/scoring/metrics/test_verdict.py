@@ -189,7 +189,7 @@ def test_more_samples_are_not_the_answer_to_everything():
 
 
 def test_scores_of_the_shipped_policies_of_an_earlier_version():
-    for name in ("walk", "run", "kinect_walk", "robust_walk"):
+    for name in ("walk", "run", "kinect_walk", "robust_walk", "obstacle_walk"):
         assert verdict(read_json(POLICIES / name / "scores.json")).level == "good"
 
 
