@@ -2,9 +2,8 @@
 
 The gap is the control's reward minus the trial's. The reward drop is the largest gap; the onset is the first
 difference (first contact with an obstacle, first force; for a policy that observes obstacles, when it sees
-the first one), and the humanoid has recovered when the gap no
-longer exceeds RECOVERED. Rewards are shares of the largest possible, and 0 after a fall
-(`ImitationBatch.fallen`).
+the first one), and the humanoid has recovered when the gap no longer exceeds RECOVERED. Rewards are shares of
+the largest possible, and 0 after a fall (`ImitationBatch.fallen`).
 """
 
 from __future__ import annotations

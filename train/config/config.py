@@ -45,8 +45,7 @@ class TrainConfig:
     start: SHA-256 of the policy from which training starts, "" for random weights. learning_control: before
     the first round and after the last, None for none. recovery: learned after the last, None for none.
     joining: after the last, with the policy from which training started, None for none.
-    Schedules are points (samples, value), linear in
-    between.
+    Schedules are points (samples, value), linear in between.
 
     RecordError (a ValueError) for a count below 1, a factor of 0 or less, if `horizon` is not a multiple of
     the baseline's steps, and for a schedule without points or with points out of order.
