@@ -14,9 +14,9 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.readers.base.source import Source
 
-# Each comma separates two values. A value takes about 155 bytes with its object (measured), 380 where rows of a
-# table are made of it: 1.2 to 3 GB in all. A person of 32 joints with orientations is 290 values per frame, so
-# this is a quarter of an hour at 30 fps.
+# Each comma separates two values. A value takes about 155 bytes with its object (measured), 380 where rows
+# of a table are made of it: 1.2 to 3 GB in all. A person of 32 joints with orientations is 290 values per
+# frame, so this is a quarter of an hour at 30 fps.
 MAX_VALUES = 8_000_000
 
 
