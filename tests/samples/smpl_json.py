@@ -45,4 +45,4 @@ def people(frames: int) -> list[dict[str, Any]]:
 
 def files(frames: int = 90) -> dict[str, bytes]:
     content = [{"frame": number, "annots": [one]} for number, one in enumerate(people(frames))]
-    return {"walk.json": json.dumps(content).encode()}
+    return {"walk.json": json.dumps(content, indent=1).encode()}
