@@ -158,7 +158,7 @@ def _frames(document: Any, source: Source) -> list[tuple[int, Any]]:
         if not isinstance(content, dict):
             break
         by_number = numbered(content) or []
-        if len(by_number) > 1:
+        if len(by_number) > 1 and not _has_frames(by_number[0][1], len(by_number)):
             content = by_number
             break
         inner: Any = max(_lists(content), key=len, default=None)
@@ -176,6 +176,11 @@ def _frames(document: Any, source: Source) -> list[tuple[int, Any]]:
     if len(content) > _MOST_FRAMES:
         raise source.error(expected=f"at most {_MOST_FRAMES} frames", found=f"{len(content)}")
     return content if isinstance(content[0], tuple) else list(enumerate(content))
+
+
+def _has_frames(value: Any, others: int) -> bool:
+    """Whether a value among `others` is itself a list of frames, of one of several people."""
+    return isinstance(value, list) and len(value) > others and len(dict(_cells(value[0]))) >= _FEWEST_NUMBERS
 
 
 def _lists(value: dict[str, Any]) -> Iterator[list[Any]]:

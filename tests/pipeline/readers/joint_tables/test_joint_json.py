@@ -210,6 +210,12 @@ def test_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         assert np.abs(np.diff(clip.positions[:, 0], axis=0)).max() < 0.1
 
 
+def test_numbered_people_are_no_frames(tmp_path: Path) -> None:
+    frames = each(lambda t, places: {"time": t, "joints": by_name(places)})
+    (tmp_path / "a.json").write_text(json.dumps({"body0": frames, "body1": frames[:20]}))
+    check(tmp_path / "a.json")
+
+
 @pytest.mark.parametrize("number", [True, False])
 def test_frames_in_which_somebody_is_not_seen_are_a_gap(number: bool, tmp_path: Path) -> None:
     """Without a clock, the place of a frame in the list is its time; nobody is seen at the end."""
