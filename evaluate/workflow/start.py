@@ -9,6 +9,7 @@ from typing import Any
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.tracker import STANDING, TRACKER
 from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
@@ -18,7 +19,7 @@ Options = Mapping[str, Mapping[str, Any]]
 def require_start(training: Mapping[str, Any], *, from_scratch: bool) -> None:
     """KinemimicError unless a training with these options of `train` can start."""
     start, preset_name = training.get("from"), training.get("preset")
-    if start is None and preset_name is None:
+    if start is None and preset_name in (None, *PRESETS):
         return
     if start is not None and from_scratch:
         raise KinemimicError("--from-scratch: expected no --from, found both; leave out one")
