@@ -20,7 +20,7 @@ from kinemimic.pipeline.cli.finite_range import FiniteRange
 from kinemimic.pipeline.cli.options import jobs_option, json_option, out_option, seed_option
 from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
 from kinemimic.pipeline.cli.terminal import show
-from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.retarget.dataset.split import SUBJECT, subject_in, subject_pattern
 
@@ -128,12 +128,11 @@ def _require_subjects(files: Sequence[Path], pattern: re.Pattern[str], test: Col
 
 
 def _is_capture(file: Path) -> bool:
-    from kinemimic.pipeline.readers.base.source import Source  # noqa: PLC0415 (import cost)
-    from kinemimic.pipeline.readers.recognise import reader_of  # noqa: PLC0415
+    from kinemimic.pipeline.readers.recognise import open_capture, reader_of  # noqa: PLC0415
 
     try:
-        reader_of(Source.open(file))
-    except (CaptureError, OSError):
+        reader_of(open_capture(file))
+    except (KinemimicError, OSError):
         return False
     return True
 

@@ -18,8 +18,7 @@ from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import atomic, file_hash
 from kinemimic.pipeline.files.toml_text import quoted
-from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.recognise import reader_of
+from kinemimic.pipeline.readers.recognise import open_capture, reader_of
 from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
 from kinemimic.pipeline.readers.video.container import is_video
 
@@ -119,7 +118,7 @@ def _recognised(file: Path) -> tuple[str | None, str, float | None, str | None]:
         rate = round(1.0 / float(np.median(steps)), 2) if len(steps) else None
         return VIDEO.name, VIDEO.sensor, rate, None if rate else "unknown frame rate: one frame"
     try:
-        source = Source.open(file)
+        source = open_capture(file)
         reader = reader_of(source)
     except CaptureError as error:
         return None, _UNKNOWN, None, f"unknown format: {error}"

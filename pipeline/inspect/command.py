@@ -26,7 +26,6 @@ from kinemimic.pipeline.inspect.batch import (
 from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, SIDECAR, USABLE
 from kinemimic.pipeline.inspect.file_view import file_view
 from kinemimic.pipeline.inspect.files_table import files_table
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.search import find_files
 
 
@@ -105,11 +104,11 @@ def command(
 def _suggest(paths: Sequence[Path]) -> int:
     """Print a draft description of a custom table; note on stderr if the file can be read without one."""
     from kinemimic.pipeline.readers.custom_table.suggest import suggest  # noqa: PLC0415
-    from kinemimic.pipeline.readers.recognise import reader_of  # noqa: PLC0415 (loads every reader)
+    from kinemimic.pipeline.readers.recognise import open_capture, reader_of  # noqa: PLC0415 (loads every reader)
 
     if len(paths) != 1:
         raise KinemimicError(f"expected one file with --suggest, found {len(paths)}")
-    source = Source.open(paths[0])
+    source = open_capture(paths[0])
     with contextlib.suppress(CaptureError):
         known = reader_of(source).FORMAT.name
         echo(f"kinemimic: {paths[0]} needs no description: it is read as {known}", err=True)

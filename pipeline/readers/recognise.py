@@ -24,6 +24,7 @@ from kinemimic.pipeline.readers.unreadable import unreadable
 from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
 from kinemimic.pipeline.readers.video.container import is_video
 from kinemimic.pipeline.readers.video.options import VideoOptions
+from kinemimic.pipeline.readers.workbook import Workbook, is_workbook
 
 # Tried in this order: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
@@ -76,6 +77,8 @@ _MODULES: tuple[str, ...] = (
     "joint_tables.joint_table",
 )
 _SEPARATORS = re.compile(r"[,;]+")
+# Between the cells of a sheet: most formats are read with commas, some with TABs alone.
+_SEPARATORS_OF_CELLS = (",", "\t")
 
 
 def readers() -> tuple[Reader, ...]:
@@ -129,14 +132,59 @@ def read(
         clip = read_source(open_frames(path, named))
     else:
         file = body_table(path) if is_freemocap(path) else path
-        clip = read_source(Source.open(file, unit=named))
+        clip = read_source(open_capture(file, unit=named))
     return clip if rate is None else at_rate(clip, rate)
+
+
+def open_capture(path: Path, *, unit: str | None = None) -> Source:
+    """The content of a capture file; of a workbook, the first sheet whose beginning can be read.
+
+    unit: as in `Source`. Raises CaptureError for a file that cannot be opened, and for a workbook of several
+    sheets none of which is recognised; KinemimicError without the library that opens workbooks.
+    """
+    source = Source.open(path, unit=unit)
+    if not is_workbook(source):
+        return source
+    workbook = Workbook(source)
+    first = None
+    for name in workbook.names:
+        for separator in _by_reader(workbook, name):
+            if _is_readable(workbook.head(name, separator)):
+                return workbook.sheet(name, separator)
+            first = first or (name, separator)
+    if first:  # its reader says what is wrong with it
+        return workbook.sheet(*first)
+    if len(workbook.names) == 1:
+        return workbook.sheet(workbook.names[0], ",")
+    listed = ", ".join(name[:40] for name in workbook.names[:4]) + (" …" if len(workbook.names) > 4 else "")
+    raise NotACaptureError(
+        path, expected="a workbook with a sheet that is a capture", found=listed or "no sheets with cells",
+        advice="save the sheet with the joints' positions as CSV",
+    )  # fmt: skip
+
+
+def _by_reader(workbook: Workbook, name: str) -> list[str]:
+    """The separators with which a sheet is recognised, in the order in which their readers are tried."""
+    order = readers()
+    found = {separator: _recognising(workbook.head(name, separator)) for separator in _SEPARATORS_OF_CELLS}
+    return sorted((one for one, reader in found.items() if reader), key=lambda one: order.index(found[one]))
+
+
+def _is_readable(source: Source) -> bool:
+    try:
+        reader_of(source).read(source)
+    except CaptureError:
+        return False
+    return True
 
 
 def read_source(source: Source) -> Clip:
     """Like `read`, for content in memory."""
-    reader = reader_of(source)
-    clip = _as_named(reader.read(source), source.unit)
+    clip = _as_named(reader_of(source).read(source), source.unit)
+    if source.part:
+        reading = clip.provenance["reading"]
+        record = {**reading, "notes": [f"{source.part} of the workbook", *reading["notes"]]}
+        clip = replace(clip, provenance={**clip.provenance, "reading": record})
     basics = {
         "source": source.path.name,
         "sha256": source.sha256,
@@ -159,16 +207,22 @@ def reader_of(source: Source) -> Reader:
     """The first reader that recognises the content; CaptureError lists the candidates if none does."""
     if not source.head:
         raise source.error(expected="a capture", found="only blank lines at its start")
-    readers_in_order = readers()
-    for reader in readers_in_order:
-        if reader.FORMAT.binary != source.is_text and reader.recognises(source):
-            return reader
-    raise _unknown(source, [reader.FORMAT for reader in readers_in_order])
+    reader = _recognising(source)
+    if reader is None:
+        raise _unknown(source, [one.FORMAT for one in readers()])
+    return reader
+
+
+def _recognising(source: Source) -> Reader | None:
+    candidates = (reader for reader in readers() if reader.FORMAT.binary != source.is_text)
+    return next((reader for reader in candidates if reader.recognises(source)), None)
 
 
 def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
     if what := unreadable(source):
-        return NotACaptureError(source.path, expected="a capture", found=what.found, advice=what.advice)
+        return NotACaptureError(
+            source.path, expected="a capture", found=what.found, where=source.part or None, advice=what.advice
+        )
     if not source.is_text:
         return NotACaptureError(
             source.path, expected="a capture", found="a binary file of unknown format",
@@ -198,6 +252,7 @@ def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
         source.path,
         expected="a capture",
         found=f"text that begins {start!r}",
+        where=source.part or None,
         advice="`kinemimic formats` lists the known formats, `kinemimic inspect --suggest` drafts a "
         "description of your own table",
     )

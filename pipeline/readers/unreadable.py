@@ -20,8 +20,7 @@ class Unreadable(NamedTuple):
 _UNPACK = "unpack it first (gzip alone is read packed)"
 _AS_BVH = "export its motion as BVH, for example from Blender"
 _AS_CSV = "save the positions of the joints as CSV"
-# The name of a part of every spreadsheet of Excel, which is a ZIP archive.
-_SHEET = b"xl/workbook.xml"
+_AS_WORKBOOK = "save it as a workbook of Excel (.xlsx), or its sheet as CSV"
 # The name of a part of every file of PyTorch, and bytes of the longest header of a numpy file that are read.
 _PICKLE_OF_TORCH, _NUMPY_HEADER = b"/data.pkl", 256
 _AS_ARRAYS = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
@@ -36,6 +35,12 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
     (b"MATLAB 5.0 MAT-file", 0, Unreadable("a damaged MAT-file", _AS_CSV)),
     (b"\x89HDF\r\n", 512, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
     (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5", _AS_CSV)),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", 0, Unreadable("an old file of Office", _AS_WORKBOOK)),
+    (
+        b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
+        30,
+        Unreadable("a spreadsheet of OpenDocument", _AS_WORKBOOK),
+    ),
     (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
     (b"7z\xbc\xaf\x27\x1c", 0, Unreadable("a 7z archive", _UNPACK)),
     (b"Rar!\x1a\x07", 0, Unreadable("a RAR archive", _UNPACK)),
@@ -78,8 +83,6 @@ def unreadable(source: Source) -> Unreadable | None:
         return _archive(sorted(names))
     if what := _program(source.content):
         return Unreadable(f"{what}, which is not read because it can run any program", _AS_ARRAYS)
-    if _SHEET in source.content:
-        return Unreadable("a spreadsheet of Excel", "save the sheet as CSV")
     if _is_utf_16(source.content[:4096]):
         return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
     known = (what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark)

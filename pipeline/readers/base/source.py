@@ -34,15 +34,27 @@ class Source:
 
     path: where it came from, for messages and sidecar files; content: decompressed bytes, and for text
     without a byte-order mark and with line feeds as line ends; sha256: hash of the file's own bytes; unit:
-    unit of length named by the user (a key of UNITS), if any; sidecar_files: name -> SHA-256 of the files in
-    the same folder that were read with it.
+    unit of length named by the user (a key of UNITS), if any; part: which part of the file the content is,
+    "sheet 'walk'", empty if it is the whole; rate: frame rate in Hz that another part states, if any;
+    sidecar_files: name -> SHA-256 of the files in the same folder that were read with it.
     """
 
-    def __init__(self, path: Path, content: bytes, sha256: str, unit: str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        content: bytes,
+        sha256: str,
+        unit: str | None = None,
+        *,
+        part: str = "",
+        rate: float | None = None,
+    ) -> None:
         self.path = path
         self.content = _normalised(content)
         self.sha256 = sha256
         self.unit = unit
+        self.part = part
+        self.rate = rate
         self.sidecar_files: dict[str, str] = {}
 
     @classmethod
@@ -113,7 +125,7 @@ class Source:
 
     def with_text(self, text: str) -> Source:
         """The same file with another text of as many lines, such as one with points for decimal commas."""
-        other = Source(self.path, text.encode(), self.sha256, self.unit)
+        other = Source(self.path, text.encode(), self.sha256, self.unit, part=self.part, rate=self.rate)
         other.sidecar_files = self.sidecar_files
         return other
 
@@ -137,7 +149,8 @@ class Source:
     ) -> CaptureError:
         """A CaptureError about this file; line: shorthand for where="line N"."""
         where = where if line is None else f"line {line}"
-        return CaptureError(self.path, expected=expected, found=found, where=where, advice=advice)
+        place = ", ".join(one for one in (self.part, where) if one) or None
+        return CaptureError(self.path, expected=expected, found=found, where=place, advice=advice)
 
 
 def _is_blank(line: str) -> bool:

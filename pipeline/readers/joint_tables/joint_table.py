@@ -35,7 +35,7 @@ from kinemimic.pipeline.readers.joint_tables.body_rows import from_first_body, o
 from kinemimic.pipeline.readers.joint_tables.cells_apart import with_cells_apart
 from kinemimic.pipeline.readers.joint_tables.names_in_rows import with_names_above
 from kinemimic.pipeline.readers.joint_tables.stacked_header import with_one_header
-from kinemimic.pipeline.readers.landmarks.video_clock import RATE, Rate
+from kinemimic.pipeline.readers.landmarks.video_clock import RATE, Rate, rate_apart
 
 FORMAT = Format(
     name="joint table",
@@ -79,7 +79,7 @@ def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> C
         source, (sheet, layout) = alone, _layout(alone) or found
         description = parse(source.path, draft(source, sheet, layout))
     if description.clock.counted:
-        rate = rate or Rate(RATE)
+        rate = rate or rate_apart(source) or Rate(RATE)
         clock = msgspec.structs.replace(description.clock, rate=rate.hertz)
         description = replace(description, clock=clock)
     rows = rows_of(source, description, _DRAFT)

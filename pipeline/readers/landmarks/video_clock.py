@@ -64,7 +64,7 @@ def times_of_frames(
     if name is not None:
         seconds, kept, defects, unit = seconds_of(beside[name], name, source, where)
         return VideoTimes(seconds, kept, defects, f"times in {unit} ({name})")
-    hertz, stated = rate or _column_of_rate(beside) or Rate(usual)
+    hertz, stated = rate or _column_of_rate(beside) or rate_apart(source) or Rate(usual)
     counts = (key for key, clock in beside.items() if is_frame_number(key) and _counts_frames(clock, hertz))
     name = next(counts, None)
     if name is None:
@@ -96,6 +96,11 @@ def stated_rate(name: str, value: Any, source: Source) -> Rate:
             expected=f"{LOWEST:g} to {HIGHEST:g} frames per second in {name[:40]}", found=repr(value)[:40]
         )
     return Rate(float(rate), name)
+
+
+def rate_apart(source: Source) -> Rate | None:
+    """The rate that the file states apart from the content, as another sheet of a workbook does."""
+    return None if source.rate is None else Rate(source.rate, "stated in another sheet")
 
 
 def _column_of_rate(beside: Mapping[str, Array]) -> Rate | None:

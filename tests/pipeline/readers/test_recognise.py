@@ -187,7 +187,14 @@ WALK = b"HIERARCHY " * 100
     ("content", "says"),
     [
         (zipped(WALK), "a ZIP archive; unpack it first"),
-        (zipped(WALK, "xl/workbook.xml"), "a spreadsheet of Excel; save the sheet as CSV"),
+        (
+            bytes.fromhex("d0cf11e0a1b11ae1") + bytes(999),
+            "an old file of Office; save it as a workbook of Excel",
+        ),
+        (
+            zipped(b"application/vnd.oasis.opendocument.spreadsheet", "mimetype"),
+            "a spreadsheet of OpenDocument; save it as a workbook of Excel",
+        ),
         (tarred(WALK), "a tar archive; unpack it first"),
         (b"Kaydara FBX Binary  \0\x1a\0" + bytes(99), "a file of FBX; export its motion as BVH"),
         (b"glTF\x02\0\0\0" + bytes(99), "a file of glTF; export its motion as BVH"),

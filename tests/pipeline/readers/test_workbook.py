@@ -1,0 +1,244 @@
+"""Workbooks of Excel: the same clip as from CSV, the right sheet of several, limits and damage."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import samples
+from samples import joint_table, mvnx
+from samples.motion import rigid_walk
+from samples.mutate import mutated
+from scipy.spatial.transform import Rotation
+
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.errors import CaptureError, KinemimicError, NotACaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers import recognise, workbook
+
+openpyxl = pytest.importorskip("openpyxl")
+
+Rows = Sequence[Sequence[Any]]
+FRAMES = 24
+
+
+def saved(sheets: Mapping[str, Rows]) -> bytes:
+    """A workbook of these sheets."""
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(list(row))
+    buffer = io.BytesIO()
+    book.save(buffer)
+    return buffer.getvalue()
+
+
+def typed(cell: str) -> Any:
+    """A cell as a spreadsheet takes it: as a number where it is one."""
+    try:
+        return None if cell == "" else int(cell) if cell.isdecimal() else float(cell)
+    except ValueError:
+        return cell
+
+
+def rows_of(content: bytes, separator: str = ",") -> Rows:
+    text = content.decode("utf-8-sig")
+    return [[typed(cell) for cell in row] for row in csv.reader(text.splitlines(), delimiter=separator)]
+
+
+@pytest.mark.parametrize(
+    ("name", "separator"),
+    [
+        ("joint_table", ","), ("joint_rows", ","), ("marker_csv", ","), ("mediapipe_csv", ","),
+        ("azure_csv", ","), ("nexus_csv", ","), ("motive_csv", ","), ("nuitrack_csv", ","),
+        ("qualisys_tsv", "\t"), ("trc", "\t"),
+    ],
+)  # fmt: skip
+def test_a_sheet_is_read_as_the_text_of_its_cells(tmp_path: Path, name: str, separator: str) -> None:
+    files = importlib.import_module(f"samples.{name}").files(FRAMES)
+    for file, content in files.items():
+        (tmp_path / file).write_bytes(content)
+    first = next(iter(files))
+    (tmp_path / "walk.xlsx").write_bytes(saved({"Sheet1": rows_of(files[first], separator)}))
+    plain, clip = recognise.read(tmp_path / first), recognise.read(tmp_path / "walk.xlsx")
+    assert clip.provenance["format"] == samples.reader(name).FORMAT.name
+    assert np.array_equal(clip.times, plain.times)
+    assert np.array_equal(clip.positions, plain.positions, equal_nan=True)
+    assert "sheet 'Sheet1' of the workbook" in clip.provenance["reading"]["notes"]
+
+
+def of_mvn(rate: Any = 60.0) -> dict[str, Rows]:
+    """Sheets as MVN exports them: the places are neither in the first sheet nor in the only one so named."""
+    places, turns = mvnx.segments(rigid_walk(FRAMES))
+    header = [
+        f"{re.sub('(?<=[a-z])(?=[A-Z])', ' ', name)} {axis}" for name, *_ in mvnx.TREE for axis in "xyz"
+    ]
+    angles = Rotation.from_quat(turns.reshape(-1, 4)).as_euler("XYZ", degrees=True).reshape(FRAMES, -1)
+    velocities = np.gradient(places, axis=0).reshape(FRAMES, -1) * mvnx.RATE
+    numbers = {
+        "Segment Orientation - Euler": angles,
+        "Segment Velocity": velocities,
+        "Segment Position": places.reshape(FRAMES, -1),
+    }
+    return {
+        "General Information": [["MVN Version", "2023.2.0"], ["Suit Label", "walk"], ["Frame Rate", rate]],
+        **{
+            name: [["Frame", *header], *([k, *row] for k, row in enumerate(values.tolist()))]
+            for name, values in numbers.items()
+        },
+    }
+
+
+def read(tmp_path: Path, content: bytes) -> Clip:
+    (tmp_path / "walk.xlsx").write_bytes(content)
+    return recognise.read(tmp_path / "walk.xlsx")
+
+
+@pytest.mark.parametrize(("rate", "hertz"), [(60.0, 60.0), ("60", 60.0), (240, 240.0), ("unknown", 30.0)])
+def test_the_sheet_of_places_and_the_rate_of_another(tmp_path: Path, rate: Any, hertz: float) -> None:
+    clip = read(tmp_path, saved(of_mvn(rate)))
+    assert clip.rate == pytest.approx(hertz)
+    notes = clip.provenance["reading"]["notes"]
+    assert notes[0] == "sheet 'Segment Position' of the workbook"
+    assert any("stated in another sheet" in note for note in notes) == (hertz != 30.0)
+    places = mvnx.segments(rigid_walk(FRAMES))[0]
+    k = [name for name, *_ in mvnx.TREE].index("LeftLowerLeg")
+    found = clip.positions[:, clip.skeleton.names.index("knee_left")]
+    assert np.allclose(np.diff(found, axis=0), np.diff(places[:, k], axis=0), atol=1e-9)
+
+
+def test_two_rates_that_disagree_are_none(tmp_path: Path) -> None:
+    sheets = of_mvn() | {"Device": [["sampling rate", 1000.0]]}
+    assert read(tmp_path, saved(sheets)).rate == pytest.approx(30.0)
+
+
+def test_a_rate_below_its_name(tmp_path: Path) -> None:
+    sheets = of_mvn() | {"General Information": [["Subject", "Frame Rate"], ["A", 120]]}
+    assert read(tmp_path, saved(sheets)).rate == pytest.approx(120.0)
+
+
+@pytest.mark.parametrize("clock", ["datetime", "time", "timedelta"])
+def test_cells_of_times(tmp_path: Path, clock: str) -> None:
+    header, *rows = rows_of(joint_table.files(FRAMES)["joints.csv"])
+    start = datetime(2026, 3, 1, 9, 30)
+    times = [start + timedelta(milliseconds=round(float(row[0]))) for row in rows]
+    cells: list[Any] = [one.time() if clock == "time" else one for one in times]
+    if clock == "timedelta":
+        cells = [one - start for one in times]
+    clip = read(
+        tmp_path,
+        saved({"a": [["time", *header[1:]], *([c, *row[1:]] for c, row in zip(cells, rows, strict=True))]}),
+    )
+    expected = [(one - times[0]).total_seconds() for one in times]
+    assert clip.times - clip.times[0] == pytest.approx(expected, abs=1e-3)
+
+
+def test_the_message_names_the_sheet_and_the_row(tmp_path: Path) -> None:
+    rows = [list(row) for row in rows_of(joint_table.files(FRAMES)["joints.csv"])]
+    rows[9][0] = "later"
+    with pytest.raises(
+        CaptureError, match=r"walk.xlsx, sheet 'a', line 10: expected a time, found none; see"
+    ):
+        read(tmp_path, saved({"a": rows}))
+
+
+@pytest.mark.parametrize(
+    ("sheets", "found"),
+    [
+        ({"a": []}, "expected a workbook with a sheet that is a capture, found no sheets with cells"),
+        (
+            {"a": [["name", "age"]], "b": [[1, 2]]},
+            "found a, b; save the sheet with the joints' positions as CSV",
+        ),
+        ({"a": [["name", "age"], [1, 2]]}, "sheet 'a': expected a capture, found"),
+    ],
+)
+def test_workbooks_without_a_capture(tmp_path: Path, sheets: dict[str, Rows], found: str) -> None:
+    with pytest.raises(NotACaptureError, match=found):
+        read(tmp_path, saved(sheets))
+
+
+def test_parts_that_unpack_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = saved({"a": rows_of(joint_table.files(FRAMES)["joints.csv"])})
+    monkeypatch.setattr(workbook, "MAX_BYTES", 10_000)
+    with pytest.raises(CaptureError, match="expected a workbook of at most 0 MB, unpacked, found 0 MB"):
+        read(tmp_path, content)
+    monkeypatch.undo()
+    # A part that claims to be smaller than it is.
+    size = max(part.file_size for part in zipfile.ZipFile(io.BytesIO(content)).infolist())
+    lying = content.replace(size.to_bytes(4, "little"), (size // 2).to_bytes(4, "little"))
+    assert lying != content
+    with pytest.raises(CaptureError, match="expected a whole workbook of Excel, found damage"):
+        read(tmp_path, lying)
+
+
+def test_a_cell_far_away_costs_no_memory(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    for row in rows_of(joint_table.files(FRAMES)["joints.csv"]):
+        book.active.append(list(row))
+    book.active["XFD1048576"] = 1
+    buffer = io.BytesIO()
+    book.save(buffer)
+    with pytest.raises(CaptureError, match="expected at most 20,000,000 cells in a sheet, found more"):
+        read(tmp_path, buffer.getvalue())
+
+
+def test_damaged_workbooks_give_one_line(tmp_path: Path) -> None:
+    content, rng = saved({"a": rows_of(joint_table.files(FRAMES)["joints.csv"])}), np.random.default_rng(2026)
+    for _ in range(40):
+        try:
+            assert len(read(tmp_path, mutated(content, rng)).times) > 0
+        except KinemimicError as error:
+            assert len(str(error).splitlines()) == 1
+
+
+def test_damaged_parts_give_one_line(tmp_path: Path) -> None:
+    """With the right checksums, so that openpyxl meets the damage."""
+    content, rng = saved({"a": rows_of(joint_table.files(FRAMES)["joints.csv"])}), np.random.default_rng(2026)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        parts = {part.filename: archive.read(part) for part in archive.infolist()}
+    errors = 0
+    for number in range(40):
+        victim = list(parts)[number % len(parts)]
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w") as archive:
+            for name, part in parts.items():
+                archive.writestr(name, mutated(part, rng) if name == victim else part)
+        try:
+            assert len(read(tmp_path, buffer.getvalue()).times) > 0
+        except KinemimicError as error:
+            assert len(str(error).splitlines()) == 1
+            errors += 1
+    assert errors > 8
+
+
+def test_without_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workbook.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(KinemimicError, match=r"pip install 'kinemimic\[excel\]', or save the sheet as CSV"):
+        read(tmp_path, saved({"a": [[1]]}))
+
+
+def test_a_description_is_drafted_for_a_sheet_and_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "walk.xlsx").write_bytes(saved(of_mvn()))
+    with pytest.raises(SystemExit) as ended:
+        main(["inspect", "--suggest", str(tmp_path / "walk.xlsx")])
+    assert ended.value.code == 0
+    printed = capsys.readouterr()
+    assert "needs no description: it is read as joint table" in printed.err
+    (tmp_path / "walk.toml").write_text(printed.out)
+    clip = recognise.read(tmp_path / "walk.xlsx")
+    assert clip.provenance["format"] == "custom table"
+    assert clip.provenance["sidecar_files"].keys() == {"walk.toml"}
