@@ -11,6 +11,7 @@ Action = Literal["repaired", "flagged", "refused"]
 # Every rule by name, with its title, in the order in which reports list them.
 RULES: dict[str, str] = {
     "several_people": "several people",
+    "renumbered_people": "people numbered anew",
     "wrong_names": "wrong joint names",
     "zero_frames": "all-zero frames",
     "calibration_frames": "calibration pose first",

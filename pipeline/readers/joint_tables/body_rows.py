@@ -7,14 +7,15 @@ from collections import Counter
 
 import numpy as np
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.numbers import is_empty, to_number
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet
-from kinemimic.pipeline.readers.custom_table.table import Cells
+from kinemimic.pipeline.readers.custom_table.table import Cells, Words
 from kinemimic.pipeline.readers.landmarks.one_person import is_person
 from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
 
@@ -69,19 +70,32 @@ def of_one_person(
     clock = next(
         (k for k, name in enumerate(sheet.names) if says_time(name) or is_frame_number(name)), column
     )
-    joints = {cells.index(one, "columns") for joint in description.joints for one in joint.position}
-    values, texts = cells.read(sorted(joints), sorted({column, clock}))
+    places = [[cells.index(one, "columns") for one in joint.position] for joint in description.joints]
+    numbers = sorted({one for place in places for one in place})
+    values, texts = cells.read(numbers, sorted({column, clock}))
     by_column = dict(zip(sorted({column, clock}), texts, strict=True))
-    people = by_column[column].codes
+    moments = _moments(by_column[clock]) if clock != column else np.arange(len(values), dtype=np.float64)
+    points = values[:, [[numbers.index(one) for one in place] for place in places]]
+    same = found_again(moments, by_column[column].codes, points)
+    people = np.array([same.get(code, code) for code in by_column[column].codes.tolist()], dtype=np.intp)
     seen = np.asarray((np.isfinite(values) & (values != 0.0)).any(axis=1))
     count = Counter(people[seen].tolist())
     if not count or (people == people[0]).all():
-        return source, []
+        return source, new_numbers(same)
     main = count.most_common(1)[0][0]
     dropped = set(np.array(cells.lines_of_rows())[people != main].tolist())
     lines = ["" if number in dropped else line for number, line in enumerate(source.lines, 1)]
-    frames: dict[int, set[int]] = {}
-    moments = by_column[clock].codes if clock != column else np.arange(len(people))
+    frames: dict[float, set[int]] = {}
     for moment, person in zip(moments[seen].tolist(), people[seen].tolist(), strict=True):
         frames.setdefault(moment, set()).add(person)
-    return source.with_text("\n".join(lines)), list(other_people(list(frames.values()), main))
+    others = other_people(list(frames.values()), main)
+    return source.with_text("\n".join(lines)), [*new_numbers(same), *others]
+
+
+def _moments(words: Words) -> Array:
+    """The times or frame numbers (R,) in a column of words; of other words, their order in the file."""
+    known = [to_number(word.replace(",", ".")) for word in words.known[1:]]
+    if all(one is not None and math.isfinite(one) for one in known):
+        return np.array([np.nan, *known], dtype=np.float64)[words.codes]
+    _, rows, ranks = np.unique(words.codes, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(rows))[ranks].astype(np.float64)

@@ -27,7 +27,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, decimal_points, parse_table
 from kinemimic.pipeline.readers.base.paired_files import other_half, required_half
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
     AZURE_JOINTS,
@@ -85,10 +85,13 @@ def read(source: Source) -> Clip:
         _check_pair(positions, orientations)
     begins, times = positions.frames()
     later, defects = sensor_clock(times, lambda frame: positions.where(int(begins[frame])), positions.source)
-    people = [set(group.tolist()) for group in np.split(positions.people, begins[1:])]
-    main_person = Counter(positions.people.tolist()).most_common(1)[0][0]
-    rows = np.flatnonzero(positions.people == main_person)
-    frames = np.searchsorted(begins, rows, side="right") - 1
+    frame_of_row = np.searchsorted(begins, np.arange(len(positions.people)), side="right") - 1
+    same = found_again(frame_of_row.astype(np.float64), positions.people, positions.values[..., 1:])
+    numbers = np.array([same.get(number, number) for number in positions.people.tolist()])
+    people = [set(group.tolist()) for group in np.split(numbers, begins[1:])]
+    main_person = Counter(numbers.tolist()).most_common(1)[0][0]
+    rows = np.flatnonzero(numbers == main_person)
+    frames = frame_of_row[rows]
 
     points = np.full((len(times), len(AZURE_JOINTS), 3), np.nan)
     states = np.zeros(points.shape[:2], dtype=np.uint8)
@@ -111,7 +114,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="mm",
             units_rule="the format's",
-            defects=[*defects, *other_people(people, main_person)],
+            defects=[*defects, *new_numbers(same), *other_people(people, main_person)],
             notes=notes,
             columns=positions.width,
         ),

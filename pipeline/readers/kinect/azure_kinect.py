@@ -26,7 +26,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import other_people, renumbered
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
     AZURE_JOINTS,
@@ -81,7 +81,9 @@ def read(source: Source) -> Clip:
     order = _order(document.get("joint_names", list(AZURE_JOINTS)), source)
     times = np.array([_time(frame, number, source) for number, frame in enumerate(frames)]) * 1e-6
     later, defects = sensor_clock(times, _where, source)
-    people = [_people(frame, number, source) for number, frame in enumerate(frames)]
+    people, anew = renumbered(
+        [_people(frame, number, source) for number, frame in enumerate(frames)], _places
+    )
     seen = Counter(body for bodies in people for body in bodies)
     if not seen:
         raise source.error(expected="a person", found=f"{len(frames)} frames without one")
@@ -110,7 +112,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="mm",
             units_rule="the format's",
-            defects=[*defects, *other_people(people, main_person)],
+            defects=[*defects, *anew, *other_people(people, main_person)],
             notes=notes,
             sdk=str(document.get("k4abt_sdk_version", ""))[:40],
         ),
@@ -163,6 +165,12 @@ def _people(frame: dict[str, Any], number: int, source: Source) -> dict[int, dic
             where=_where(number),
         )
     return people
+
+
+def _places(body: dict[str, Any]) -> Array | None:
+    """The positions (32, 3) of a body, None if it has others."""
+    places = numbers(body.get("joint_positions"))
+    return places if places is not None and places.shape == (len(AZURE_JOINTS), 3) else None
 
 
 def _values(

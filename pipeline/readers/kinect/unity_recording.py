@@ -25,7 +25,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import to_number
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import other_people, renumbered
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS, azure_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, kinect_v2_skeleton
@@ -85,12 +85,13 @@ def read(source: Source) -> Clip:
     """
     frames = list(_frames(source))
     kind = frames[0].kind
-    count = Counter(body for frame in frames for body in frame.bodies)
+    people, anew = renumbered([frame.bodies for frame in frames], lambda body: body[:, 1:])
+    count = Counter(body for bodies in people for body in bodies)
     if not count:
         raise source.error(expected="a person", found="none in any line")
     main = count.most_common(1)[0][0]
     nobody = np.full((len(kind.order), 4), float(MISSING))
-    values = np.stack([frame.bodies.get(main, nobody) for frame in frames])[:, kind.order]
+    values = np.stack([bodies.get(main, nobody) for bodies in people])[:, kind.order]
     places, states = values[..., 1:], np.where(values[..., 0] == _SURE, TRACKED, values[..., 0])
 
     def where(frame: int) -> str:
@@ -100,7 +101,7 @@ def read(source: Source) -> Clip:
     refuse_remote(places, kind.skeleton.names, source, where)
     times, notes = _seconds(frames)
     later, defects = sensor_clock(times, where, source)
-    others = other_people([set(frame.bodies) for frame in frames], main)
+    others = [*anew, *other_people([set(bodies) for bodies in people], main)]
     return clip_of_points(
         kind.skeleton,
         times[later],

@@ -21,7 +21,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
@@ -73,6 +73,8 @@ def read(source: Source) -> Clip:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise source.error(expected="a number as id", found=f"{users[row]:g}", line=table.line(row))
+    same = found_again(clock, users.astype(np.int64), values[:, 2:].reshape(len(values), len(nodes), 3))
+    users = np.array([same.get(user, user) for user in users.astype(np.int64).tolist()])
     main = Counter(users.tolist()).most_common(1)[0][0]
     rows = np.flatnonzero(users == main)
     times, later, defects, _ = seconds_of(
@@ -88,7 +90,7 @@ def read(source: Source) -> Clip:
     )
     seen: dict[float, set[int]] = {}
     for time, user in zip(clock.tolist(), users.tolist(), strict=True):
-        seen.setdefault(time, set()).add(int(user))
+        seen.setdefault(time, set()).add(user)
     return clip_of_points(
         skeleton_of(nodes),
         times,
@@ -99,7 +101,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the format's",
-            defects=[*defects, *other_people(list(seen.values()), int(main))],
+            defects=[*defects, *new_numbers(same), *other_people(list(seen.values()), main)],
             columns=len(names),
         ),
     )

@@ -24,7 +24,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import other_people, renumbered
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
 
@@ -73,7 +73,9 @@ def read(source: Source) -> Clip:
     Raises CaptureError for damaged JSON, and bodies of other points than those of the SDK's formats.
     """
     frames = _frames(parse_json(source), source)
-    people = [_bodies(frame, number, source) for number, frame in enumerate(frames)]
+    people, anew = renumbered(
+        [_bodies(frame, number, source) for number, frame in enumerate(frames)], lambda body: body[0]
+    )
     count = Counter(number for bodies in people for number in bodies)
     if not count:
         raise source.error(expected="frames with a body", found=f"none in {len(frames)} frames")
@@ -114,7 +116,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units=unit,
             units_rule=SET_BY_USER if source.unit else "the format's",
-            defects=[*defects, *other_people([set(bodies) for bodies in people], main)],
+            defects=[*defects, *anew, *other_people([set(bodies) for bodies in people], main)],
             notes=[f"BODY_{size}; Y points {'down' if down else 'up'}"],
         ),
         world_from_file=WORLD_FROM_CAMERA if down else Y_UP_TO_Z_UP,

@@ -11,6 +11,7 @@ has 30 frames per second. Chairs and other things are sometimes tracked as bodie
 from __future__ import annotations
 
 from collections import Counter
+from itertools import chain
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import numbers_of
-from kinemimic.pipeline.readers.base.people import other_people
+from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions, check_states
@@ -68,11 +69,9 @@ def read(source: Source) -> Clip:
     lines = _Lines(source)
     frames = [_bodies(lines) for _ in range(lines.count("frames", _MAX_FRAMES))]
     lines.end()
-    seen = Counter(body for bodies in frames for body in bodies)
-    if not seen:
+    if not any(frames):
         raise source.error(expected="a person", found=f"{plural(len(frames), 'frame')} without one")
     begins = [line for bodies in frames for line in bodies.values()]
-    bodies = [body for found in frames for body in found]
     values = lines.joints(begins)
 
     def where(row: int) -> str:
@@ -82,12 +81,17 @@ def read(source: Source) -> Clip:
     check_states(states, SDK_JOINTS, where, source)
     refuse_remote(points, SDK_JOINTS, source, where)
     check_quaternions(orientations, SDK_JOINTS, where, source)
+    numbers = [number for number, found in enumerate(frames) for _ in found]
+    same = found_again(np.array(numbers, dtype=np.float64), np.array([*chain(*frames)]), points)
+    people = [{same.get(body, body) for body in found} for found in frames]
+    bodies = [same.get(body, body) for body in chain(*frames)]
+    seen = Counter(bodies)
     tracked = Counter[int]()
     for body, count in zip(bodies, (states == TRACKED).sum(axis=1).tolist(), strict=True):
         tracked[body] += count
     main_person = max(seen, key=lambda body: (seen[body], tracked[body]))
     rows = [row for row, body in enumerate(bodies) if body == main_person]
-    at = [number for number, found in enumerate(frames) if main_person in found]
+    at = [number for number, found in enumerate(people) if main_person in found]
     shape = (len(frames), len(SDK_JOINTS))
     kept = np.full((*shape, _JOINT_WIDTH), np.nan)
     kept[at] = values[rows]
@@ -103,7 +107,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the format's",
-            defects=list(other_people([set(found) for found in frames], main_person)),
+            defects=[*new_numbers(same), *other_people(people, main_person)],
             notes=[f"no time in the file: {RATE:g} Hz, the sensor's rate"],
         ),
         rotations=child_to_parent(kept[:, FROM_SDK][..., [8, 9, 10, 7]], skeleton, Y_UP_TO_Z_UP),
