@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,25 +18,21 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.optical.assumed_trunk import standing_tilt, upright_trunk
-from kinemimic.pipeline.readers.optical.joint_centres import (
-    HALF_ANKLE,
-    HALF_KNEE,
-    Pelvis,
-    centre_of_rotation,
-    hip_centre,
-    inward,
-    pelvis,
+from kinemimic.pipeline.readers.optical.body_landmarks import (
+    Landmarks,
+    leg_length,
+    missing_of_legs,
+    missing_of_pelvis,
+    never_seen,
 )
-from kinemimic.pipeline.readers.optical.marker_names import SIDES, joint_centres, landmarks
+from kinemimic.pipeline.readers.optical.joint_centres import Pelvis, pelvis
+from kinemimic.pipeline.readers.optical.leg_centres import leg_centres
+from kinemimic.pipeline.readers.optical.marker_names import SIDES, joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import SUFFIX, MarkerSet, marker_set
-from kinemimic.pipeline.readers.optical.rigid_segments import fill_rigid
 
 # Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre is below the acromion by
 # this share of the distance between the acromia.
 _BELOW_ACROMION = 0.17
-# Initial guess for an ankle without markers: this share of the way from the heel to the top of the midfoot,
-# and this far (metres) up the shank.
-_ANKLE_OVER_FOOT, _ANKLE_UP = 0.4, 0.03
 _AUTHORS = {
     "bell": "Bell et al. 1990",
     "harrington": "Harrington et al. 2007",
@@ -72,7 +67,7 @@ def clip_of_markers(
 
     Raises CaptureError naming what is missing if hips, knees or ankles cannot be computed.
     """
-    markers = _Markers(labels, points)
+    markers = Landmarks(labels, points)
     _require_legs(markers, labels, source)
     chosen = marker_set(source)
     named = joint_centres(markers.labels)
@@ -85,10 +80,10 @@ def clip_of_markers(
             centres = {}
         else:
             notes.append("points named like joints are taken as their centres")
-    if unseen := _never_seen(markers, labels):
+    if unseen := never_seen(markers, labels):
         notes.append(f"never seen: {', '.join(unseen)}")
     inferred: set[str] = set()
-    if not _missing_of_pelvis(markers):
+    if not missing_of_pelvis(markers):
         if not centres and chosen.hips == "davis" and chosen.leg_length is None:
             _require_leg_length(markers, source)
         centres = _centres(markers, centres, chosen, notes, inferred)
@@ -106,13 +101,13 @@ def clip_of_markers(
     )
 
 
-def _on_skin(markers: _Markers, joints: Mapping[str, Array]) -> str:
+def _on_skin(markers: Landmarks, joints: Mapping[str, Array]) -> str:
     """Why points named like hips, knees and ankles are markers on the skin, "" if they are the joints.
 
     The hips' centres are nearer to each other than the ASIS (0.7 of their distance), markers over the
     trochanters are farther apart.
     """
-    if _missing_of_pelvis(markers) or _missing_of_legs(markers):
+    if missing_of_pelvis(markers) or missing_of_legs(markers):
         return ""
     hips, asis = (
         median(np.linalg.norm(left - right, axis=-1))
@@ -129,14 +124,14 @@ def require_legs(labels: tuple[str, ...], points: Array, source: Source) -> None
 
     labels: (M,); points: (T, M, 3) in any unit, NaN or zeros where missing.
     """
-    _require_legs(_Markers(labels, points), labels, source)
+    _require_legs(Landmarks(labels, points), labels, source)
 
 
-def _require_legs(markers: _Markers, labels: tuple[str, ...], source: Source) -> None:
-    missing = [*_missing_of_pelvis(markers), *_missing_of_legs(markers)]
+def _require_legs(markers: Landmarks, labels: tuple[str, ...], source: Source) -> None:
+    missing = [*missing_of_pelvis(markers), *missing_of_legs(markers)]
     if not missing or joint_centres(markers.labels).keys() >= set(REQUIRED):
         return
-    unseen = ", ".join(_never_seen(markers, labels))[:100]
+    unseen = ", ".join(never_seen(markers, labels))[:100]
     never = f" ({unseen} never seen)" if unseen else ""
     raise source.error(
         expected="markers from which hips, knees and ankles can be computed",
@@ -146,57 +141,16 @@ def _require_legs(markers: _Markers, labels: tuple[str, ...], source: Source) ->
     )
 
 
-def _require_leg_length(markers: _Markers, source: Source) -> None:
-    if any(np.isnan(_leg_length(markers, side)) for side in SIDES):
+def _require_leg_length(markers: Landmarks, source: Source) -> None:
+    if any(np.isnan(leg_length(markers, side)) for side in SIDES):
         raise source.error(
             expected='leg_length in the marker set, or lateral knee and ankle markers, for hips = "davis"',
             found="neither",
         )
 
 
-def _never_seen(markers: _Markers, labels: tuple[str, ...]) -> list[str]:
-    """The labels of known markers and joints without a position in any frame."""
-    known = {*chain(*landmarks(labels).values()), *joint_centres(labels).values()}
-    return [labels[k] for k in sorted(known) if not markers.labels[k]]
-
-
-class _Markers:
-    """Positions (T, 3) of landmarks, NaN where missing; the mean for a landmark of several markers.
-
-    labels: (M,), "" for a marker that was never seen; points: (T, M, 3), NaN where missing.
-    """
-
-    def __init__(self, labels: tuple[str, ...], points: Array) -> None:
-        x, y, z = np.moveaxis(points, -1, 0)
-        # Written out per axis: numpy takes five times as long to reduce an axis of three.
-        missing = ~(np.isfinite(x) & np.isfinite(y) & np.isfinite(z)) | ((x == 0) & (y == 0) & (z == 0))
-        self.points = np.where(missing[..., None], np.nan, points)
-        never = missing.all(axis=0)
-        self.labels = tuple("" if gone else label for label, gone in zip(labels, never, strict=True))
-        self.found = landmarks(self.labels)
-
-    def __contains__(self, landmark: str) -> bool:
-        return landmark in self.found
-
-    def __getitem__(self, landmark: str) -> Array:
-        first, *others = (self.points[:, marker] for marker in self.found[landmark])
-        return np.asarray(sum(others, first) / (1 + len(others)))
-
-    def cluster(self, landmark: str) -> Array:
-        """The markers (T, n, 3) of a landmark."""
-        return np.asarray(self.points[:, list(self.found[landmark])])
-
-    def fill(self, notes: list[str]) -> None:
-        """Fill the gaps of markers on rigid segments, and say which."""
-        self.points, filled = fill_rigid(self.points, self.found)
-        counts = {self.labels[k]: int(filled[:, k].sum()) for k in np.flatnonzero(filled.any(axis=0))}
-        if counts:
-            frames = ", ".join(f"{label} in {count} frames" for label, count in counts.items())
-            notes.append(f"hidden markers filled from others on the same segment: {frames}")
-
-
 def _centres(
-    markers: _Markers, given: Mapping[str, Array], chosen: MarkerSet, notes: list[str], inferred: set[str]
+    markers: Landmarks, given: Mapping[str, Array], chosen: MarkerSet, notes: list[str], inferred: set[str]
 ) -> dict[str, Array]:
     """The nodes (T, 3) that the markers give, and those given: none, or at least hips, knees and ankles.
 
@@ -210,7 +164,7 @@ def _centres(
     if not centres:
         notes.append(f"hip centres from the ASIS and the sacrum by the regression of {_AUTHORS[chosen.hips]}")
         for side in SIDES:
-            centres |= _leg(markers, frame, side, chosen, notes)
+            centres |= leg_centres(markers, frame, side, chosen, notes)
     centres = _trunk(markers, frame, centres) | centres
     if not _shows_trunk(centres):
         centres["shoulder_center"] = _assumed_shoulders(frame, centres, notes)
@@ -224,25 +178,7 @@ def _centres(
     return centres
 
 
-def _missing_of_pelvis(markers: _Markers) -> list[str]:
-    missing = [f"{side} ASIS" for side in SIDES if f"asis_{side}" not in markers]
-    if "sacrum" not in markers and not {"psis_left", "psis_right"} <= markers.found.keys():
-        missing.append("sacrum or both PSIS")
-    return missing
-
-
-def _missing_of_legs(markers: _Markers) -> list[str]:
-    """The joints without markers, and the markers that would suffice."""
-    missing = []
-    for side in SIDES:
-        for joint, above, below in (("knee", "thigh", "shank"), ("ankle", "shank", "foot")):
-            clusters = f"{above}_{side}" in markers and f"{below}_{side}" in markers
-            if f"{joint}_lateral_{side}" not in markers and not clusters:
-                missing.append(f"{side} {joint} (at the joint, or three each on {above} and {below})")
-    return missing
-
-
-def _below(markers: _Markers) -> Array:
+def _below(markers: Landmarks) -> Array:
     """The midpoint (T, 3) of the knees, or of the shanks without knee markers."""
     positions = [
         markers[f"{landmark}_{side}"]
@@ -252,67 +188,7 @@ def _below(markers: _Markers) -> Array:
     return np.asarray(0.5 * (positions[0] + positions[1]))
 
 
-def _leg(
-    markers: _Markers, frame: Pelvis, side: str, chosen: MarkerSet, notes: list[str]
-) -> dict[str, Array]:
-    marker = 0.5 * chosen.marker_diameter
-    half_knee = HALF_KNEE if chosen.knee_width is None else 0.5 * chosen.knee_width + marker
-    half_ankle = HALF_ANKLE if chosen.ankle_width is None else 0.5 * chosen.ankle_width + marker
-    length = _leg_length(markers, side) if chosen.leg_length is None else chosen.leg_length
-    hip = hip_centre(frame, side, chosen.hips, leg=length, marker=marker)
-    medial = -frame.left if side == "left" else frame.left
-    if f"knee_lateral_{side}" in markers:
-        knee = _centre_at_marker(markers, "knee", side, hip, medial, half_knee, notes)
-    else:
-        thigh, shank = markers.cluster(f"thigh_{side}"), markers.cluster(f"shank_{side}")
-        middle = 0.5 * (thigh.mean(axis=1) + shank.mean(axis=1))
-        # Clusters are worn laterally: the guess is moved inward to the lateral position of the hip.
-        guess = middle - np.sum((middle - hip) * medial, axis=-1, keepdims=True) * medial
-        knee = centre_of_rotation(thigh, shank, guess)
-        _add_note(notes, "knee", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
-    if f"ankle_lateral_{side}" in markers:
-        # While the knee is hidden, the line to the hip is near enough for half an ankle.
-        above = np.where(np.isfinite(knee), knee, hip)
-        ankle = _centre_at_marker(markers, "ankle", side, above, medial, half_ankle, notes)
-    else:
-        shank, foot = markers.cluster(f"shank_{side}"), markers.cluster(f"foot_{side}")
-        heel, top = foot[:, 0], foot[:, 1]
-        guess = heel + _ANKLE_OVER_FOOT * (top - heel)
-        guess += _ANKLE_UP * unit(shank.mean(axis=1) - guess)
-        ankle = centre_of_rotation(shank, foot, guess)
-        _add_note(notes, "ankle", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
-    return {f"hip_{side}": hip, f"knee_{side}": knee, f"ankle_{side}": ankle}
-
-
-def _leg_length(markers: _Markers, side: str) -> float:
-    """Median length of the leg from the ASIS over the knee's marker to the ankle's; NaN without these."""
-    way = [f"{landmark}_{side}" for landmark in ("asis", "knee_lateral", "ankle_lateral")]
-    if any(landmark not in markers for landmark in way):
-        return float("nan")
-    asis, knee, ankle = (markers[landmark] for landmark in way)
-    return median(np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1))
-
-
-def _centre_at_marker(
-    markers: _Markers, joint: str, side: str, above: Array, medial: Array, half: float, notes: list[str]
-) -> Array:
-    lateral = markers[f"{joint}_lateral_{side}"]
-    if f"{joint}_medial_{side}" in markers:
-        _add_note(notes, joint, "midway between the medial and the lateral marker")
-        return np.asarray(0.5 * (lateral + markers[f"{joint}_medial_{side}"]))
-    _add_note(
-        notes, joint, f"{1000 * half:.0f} mm inward of the lateral marker, along the pelvis' axis (assumed)"
-    )
-    return inward(lateral, above, medial, half)
-
-
-def _add_note(notes: list[str], joint: str, method: str) -> None:
-    note = f"{joint} centres: {method}"
-    if note not in notes:
-        notes.append(note)
-
-
-def _trunk(markers: _Markers, frame: Pelvis, legs: Mapping[str, Array]) -> dict[str, Array]:
+def _trunk(markers: Landmarks, frame: Pelvis, legs: Mapping[str, Array]) -> dict[str, Array]:
     """Middle nodes and shoulders; shoulder_center only if it has markers of its own."""
     middle = 0.5 * (legs["hip_left"] + legs["hip_right"])
     trunk = {"hip_center": middle, "spine": middle + TRUNK / 3.0 * _stature(legs) * frame.up}

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -17,14 +16,12 @@ from peers.trackers import shipped_motion
 from kinemimic.evaluate.workflow import run as module
 from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.evaluate.workflow.start import default_start
-from kinemimic.pipeline.cli.main import load_command, main
+from kinemimic.pipeline.cli.main import load_command
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE, stage_named
+from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.pipeline.run_folder.capture import capture_files
-from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.formats.motion_json import motion_to_json
@@ -33,45 +30,6 @@ from kinemimic.retarget.library.exercises import exercise
 NAMES = RUN_STAGES
 
 Stages = dict[str, Callable[[], None]]
-
-
-@pytest.fixture
-def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
-    """Stand-ins for the stages: each writes, from what it reads and its options, what the real one would.
-
-    The dictionary takes a function to call at the start of a stage.
-    """
-    hooks: Stages = {}
-
-    def stand_in(name: str) -> click.Command:
-        @click.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
-        @click.option("--run", "folder", type=click.Path(path_type=Path))
-        @click.option("--json", "as_json", is_flag=True)
-        @click.pass_context
-        def command(context: click.Context, folder: Path, as_json: bool) -> None:
-            hooks.get(name, lambda: None)()
-            one, sources = stage_named(name), {}
-            read = [(folder / file).read_text() for file in one.reads if (folder / file).exists()]
-            if name == "ingest":
-                sources = capture_files(Path(context.args[0]), ["capture.toml"])
-                read += [file.read_text() for file in sources.values() if file.is_file()]
-            with stage(folder, name, sources=sources) as out:
-                for file in one.writes:
-                    (out / file).write_text(json.dumps([name, file, read, context.args]))
-            click.echo(f"table of {name}")
-
-        return command
-
-    monkeypatch.setattr(module, "load_command", stand_in)
-    monkeypatch.setattr(module, "default_start", lambda _: {})
-    return hooks
-
-
-@pytest.fixture
-def capture(tmp_path: Path) -> Path:
-    path = tmp_path / "walk.bvh"
-    path.write_text("a walk")
-    return path
 
 
 def test_a_second_run_skips_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
@@ -190,50 +148,6 @@ def test_only_a_tracker_gets_a_balanced_walk(stages: Stages, capture: Path, tmp_
     assert flags(tmp_path / "as-it-is") == ["--no-balance"]
 
 
-def test_a_policy_of_one_motion_and_training_options_are_refused(
-    stages: Stages, capture: Path, tmp_path: Path
-) -> None:
-    with pytest.raises(KinemimicError, match=r"walk: expected a tracker, .* found a policy of one motion"):
-        run(capture, tmp_path / "run", policy="walk")
-    with pytest.raises(KinemimicError, match="expected no option of `train`, found --budget"):
-        run(capture, tmp_path / "run", policy="tracker", options={"train": {"budget": "1M"}})
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "found"),
-    [
-        (["--policy", "nosuch"], "expected a tracker (standing, tracker), or a run folder with one"),
-        (["--policy", "empty"], "expected a tracker (standing, tracker), or a run folder with one"),
-        (["--from", "nosuch"], "expected a tracker (standing, tracker), or a run folder with one"),
-        (["--from", "walk"], "walk: expected a tracker"),
-        (
-            ["--from", "tracker", "--preset", "ddpg"],
-            "expected --preset robust or obstacles, or none, found ddpg",
-        ),
-        (["--from", "tracker", "--from-scratch"], "--from-scratch: expected no --from, found both"),
-        (
-            ["--preset", "obstacles"],
-            "--preset obstacles: expected --from robust_walk, or a tracker, found none",
-        ),
-    ],
-)
-def test_a_start_that_cannot_be_is_refused_before_anything_begins(
-    stages: Stages,
-    capture: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str],
-    found: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("empty").mkdir()
-    result = CliRunner().invoke(module.command, [str(capture), "--run", "run", *arguments])
-    assert isinstance(result.exception, KinemimicError)
-    assert found in str(result.exception)
-    assert not Path("run").exists()
-
-
 def test_a_changed_option_reruns_its_stage_and_all_later_ones(
     stages: Stages, capture: Path, tmp_path: Path
 ) -> None:
@@ -281,22 +195,6 @@ def test_json_prints_json_alone(stages: Stages, capture: Path, tmp_path: Path) -
     printed = json.loads(result.output)
     assert printed["ran"] == list(NAMES)
     assert printed["scores"] == read_json(tmp_path / "run" / "scores.json")
-
-
-@pytest.mark.parametrize("content", [None, b"", b"a walk", bytes(range(256))])
-def test_an_invalid_capture_is_one_line_status_2_and_nothing_written(
-    content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, folder = tmp_path / "walk.skl", tmp_path / "run"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(SystemExit) as ended:
-        main(["run", str(path), "--run", str(folder)])
-    assert ended.value.code == 2
-    error = capsys.readouterr().err
-    assert len(error.strip().splitlines()) == 1
-    assert error.startswith(f"kinemimic: {path}: expected ")
-    assert not folder.exists()
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def test_a_person_lost_and_found_elsewhere_under_another_number_is_flagged() -> 
     for number in range(20, FRAMES):
         (body,) = bodies_of(document, number)
         body["body_id"] = 99
-        body["joint_positions"] = (np.array(body["joint_positions"]) + [2500.0, 0.0, 0.0]).tolist()
+        body["joint_positions"] = np.add(body["joint_positions"], [2500.0, 0.0, 0.0]).tolist()
     for frame in document["frames"]:
         frame["num_bodies"] = len(frame["bodies"])
     clip = read(document)
