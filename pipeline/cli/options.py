@@ -18,7 +18,7 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 # As in quality/rules/length_units.py, which is too slow to import for --help.
 UNITS = ("m", "ft", "dm", "cmu", "inch", "cm", "mm")
-# In Hz, as in readers/base/frame_rate.py, for the same reason.
+# In Hz, as in readers/clocks/frame_rate.py, for the same reason.
 RATES = (1.0, 1000.0)
 # Metres and degrees, as in readers/video/options.py, for the same reason.
 HEIGHTS, FIELDS_OF_VIEW = (0.5, 2.6), (10.0, 150.0)

@@ -14,9 +14,9 @@ from kinemimic.pipeline.kinematics.clip import Clip, scaled
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS, parse_unit
 from kinemimic.pipeline.readers.base.format import Format, Reader
 from kinemimic.pipeline.readers.base.frame_files import is_folder_of_frames, open_frames
-from kinemimic.pipeline.readers.base.frame_rate import at_rate
 from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.frame_rate import at_rate
 from kinemimic.pipeline.readers.depth.folder import CAMERA_FILE, is_recording
 from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
 from kinemimic.pipeline.readers.landmarks.freemocap import body_table, is_freemocap

@@ -16,11 +16,11 @@ from datetime import date, time, timedelta
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.column_names import words_of
-from kinemimic.pipeline.readers.base.frame_rate import HIGHEST, LOWEST
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import MAX_BYTES, Source
+from kinemimic.pipeline.readers.clocks.clock import is_rate
+from kinemimic.pipeline.readers.clocks.frame_rate import HIGHEST, LOWEST
 
 Row = Sequence[Any]
 # The name of a part of every workbook, which is a ZIP archive.

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.dates import DATES, seconds_of_dates
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.dates import DATES, seconds_of_dates
 from kinemimic.pipeline.readers.custom_table.description import DATE, SECONDS, Column, Description, Joint
 from kinemimic.pipeline.readers.custom_table.states import (
     states_are_words,

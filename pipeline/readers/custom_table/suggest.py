@@ -15,8 +15,8 @@ from kinemimic.pipeline.files.toml_text import column as column_of
 from kinemimic.pipeline.files.toml_text import folded, key, one_or_list, quoted
 from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
-from kinemimic.pipeline.readers.base.dates import seconds_of_dates
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.dates import seconds_of_dates
 from kinemimic.pipeline.readers.custom_table.description import DATE
 from kinemimic.pipeline.readers.custom_table.suggest_body import axes_of, quaternion_order, time_unit
 from kinemimic.pipeline.readers.custom_table.suggest_layout import Layout, layout_of

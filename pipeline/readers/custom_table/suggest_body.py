@@ -13,9 +13,9 @@ from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.quality.rules.mirrored_body import MIN_MIRRORED_SHARE
-from kinemimic.pipeline.readers.base.clock import named_unit, says_time
+from kinemimic.pipeline.readers.clocks.clock import named_unit, says_time
+from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
 
 # A recorder's usual step in seconds, and the steps for which a unit of time is plausible.
 _USUAL_STEP = 1.0 / 30.0

@@ -9,15 +9,15 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.numbers import is_empty, to_number
 from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import says_time
+from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet
 from kinemimic.pipeline.readers.custom_table.table import Cells, Words
 from kinemimic.pipeline.readers.landmarks.one_person import is_person
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
 
 _SEPARATORS = (",", ";", "\t")
 # Cells of a row of a whole body; the share of them that is empty or zero where nobody is seen: quaternions of

@@ -16,10 +16,11 @@ from typing import Any
 from kinemimic.pipeline.errors import NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
-from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import parse_json
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import says_time
+from kinemimic.pipeline.readers.clocks.video_clock import Rate, is_frame_number
 from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
 from kinemimic.pipeline.readers.custom_table.suggest_orders import ORDERS
 from kinemimic.pipeline.readers.joint_tables import joint_table
@@ -33,7 +34,6 @@ from kinemimic.pipeline.readers.landmarks.mediapipe_frames import numbered, one_
 from kinemimic.pipeline.readers.landmarks.mediapipe_json import numbers_beside, rate_beside_frames
 from kinemimic.pipeline.readers.landmarks.one_person import is_person, rows_of_one_person
 from kinemimic.pipeline.readers.landmarks.unnamed_joints import clip_of_unnamed
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate, is_frame_number
 
 FORMAT = Format(
     name="joint JSON",

@@ -22,6 +22,7 @@ from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.video_clock import RATE, Rate, rate_apart
 from kinemimic.pipeline.readers.custom_table.custom_table import clip_of
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.description_file import parse
@@ -35,7 +36,6 @@ from kinemimic.pipeline.readers.joint_tables.body_rows import from_first_body, o
 from kinemimic.pipeline.readers.joint_tables.cells_apart import with_cells_apart
 from kinemimic.pipeline.readers.joint_tables.names_in_rows import with_names_above
 from kinemimic.pipeline.readers.joint_tables.stacked_header import with_one_header
-from kinemimic.pipeline.readers.landmarks.video_clock import RATE, Rate, rate_apart
 
 FORMAT = Format(
     name="joint table",

@@ -20,16 +20,16 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import is_rate, says_time
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import is_rate, says_time
+from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number, times_of_frames
 from kinemimic.pipeline.readers.custom_table.description import Text
 from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_of
 from kinemimic.pipeline.readers.custom_table.table import Cells
 from kinemimic.pipeline.readers.joint_tables.stacked_header import with_one_header
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number, times_of_frames
 from kinemimic.pipeline.readers.optical.declared_unit import likeliest_unit
 from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
 from kinemimic.pipeline.readers.optical.marker_set import marker_set

@@ -17,11 +17,11 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.readers.array_files.npz import array_shapes, read_arrays
-from kinemimic.pipeline.readers.base.clock import is_rate, says_time, seconds_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import is_rate, says_time, seconds_of
+from kinemimic.pipeline.readers.clocks.video_clock import stated_rate
 from kinemimic.pipeline.readers.joint_tables import joint_table, marker_csv
-from kinemimic.pipeline.readers.landmarks.video_clock import stated_rate
 
 FORMAT = Format(
     name="named joint array",

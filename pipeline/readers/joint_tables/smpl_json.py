@@ -25,10 +25,10 @@ from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply, rotat
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number, times_of_frames
 from kinemimic.pipeline.readers.landmarks.mediapipe_frames import numbered, one_document
 from kinemimic.pipeline.readers.landmarks.mediapipe_json import numbers_beside, rate_beside_frames
 from kinemimic.pipeline.readers.landmarks.one_person import is_person, rows_of_one_person
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number, times_of_frames
 from kinemimic.pipeline.readers.segments.smpl_arrays import (
     BODY,
     COUNTS,

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.clock import clock_column
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
-from kinemimic.pipeline.readers.base.dates import DATES, seconds_of_dates
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import clock_column
+from kinemimic.pipeline.readers.clocks.dates import DATES, seconds_of_dates
 from kinemimic.pipeline.readers.kinect.kinect_values import STEPS, check_states
 
 FIELDS: tuple[str, ...] = ("X", "Y", "Z", "tracked")

@@ -17,10 +17,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.array_files.mat5 import Head, Value, heads, variables
-from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate, stated_rate, times_of_frames
+from kinemimic.pipeline.readers.clocks.clock import is_rate
+from kinemimic.pipeline.readers.clocks.video_clock import Rate, stated_rate, times_of_frames
 from kinemimic.pipeline.readers.optical.marker_names import body_labels, joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.people import has_legs

@@ -20,14 +20,14 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import says_time
+from kinemimic.pipeline.readers.clocks.video_clock import times_of_frames
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, LEGS, clip_of_landmarks, leg_length
-from kinemimic.pipeline.readers.landmarks.video_clock import times_of_frames
 
 FORMAT = Format(
     name="FreeMoCap",

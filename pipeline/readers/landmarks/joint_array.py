@@ -24,13 +24,13 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers.array_files.array_file import array_shapes, read_arrays
 from kinemimic.pipeline.readers.array_files.mat5 import is_mat5
-from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import is_rate
+from kinemimic.pipeline.readers.clocks.video_clock import Rate, stated_rate
 from kinemimic.pipeline.readers.landmarks import humanml3d
 from kinemimic.pipeline.readers.landmarks.joint_sets import COUNTS, FIELDS, FIELDS_OF_ROW, joint_set_of
 from kinemimic.pipeline.readers.landmarks.unnamed_joints import clip_of_unnamed
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate, stated_rate
 
 FORMAT = Format(
     name="joint array",

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.readers.base.clock import says_time
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import says_time
+from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, NUMBER
 from kinemimic.pipeline.readers.landmarks.landmark_columns import FIELDS, field_columns, landmark_columns
 from kinemimic.pipeline.readers.landmarks.one_person import is_person
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
 from kinemimic.pipeline.readers.landmarks.words_in_table import with_numbers_for_words
 
 _ROWS = 1000  # that show the width of a table

@@ -19,6 +19,7 @@ from kinemimic.pipeline.readers.base.column_names import index_of_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.video_clock import times_of_frames
 from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     LANDMARKS,
     LEGS,
@@ -29,7 +30,6 @@ from kinemimic.pipeline.readers.landmarks.blaze_pose import (
 from kinemimic.pipeline.readers.landmarks.landmark_columns import landmark_columns, mark_column, names_pelvis
 from kinemimic.pipeline.readers.landmarks.landmark_table import table_of_frames, table_of_landmarks
 from kinemimic.pipeline.readers.landmarks.one_person import rows_of_one_person
-from kinemimic.pipeline.readers.landmarks.video_clock import times_of_frames
 
 FORMAT = Format(
     name="MediaPipe landmarks CSV",

@@ -23,14 +23,20 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
-from kinemimic.pipeline.readers.base.clock import clock_of, is_rate, says_time
 from kinemimic.pipeline.readers.base.column_names import words_of
-from kinemimic.pipeline.readers.base.dates import seconds_of_dates
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import clock_of, is_rate, says_time
+from kinemimic.pipeline.readers.clocks.dates import seconds_of_dates
+from kinemimic.pipeline.readers.clocks.video_clock import (
+    Rate,
+    is_frame_number,
+    stated_rate,
+    times_of_frames,
+)
 from kinemimic.pipeline.readers.landmarks.blaze_pose import (
     FIT_FOR_USE,
     LANDMARKS,
@@ -48,12 +54,6 @@ from kinemimic.pipeline.readers.landmarks.mediapipe_frames import (
     parse_frames,
 )
 from kinemimic.pipeline.readers.landmarks.one_person import rows_of_one_person
-from kinemimic.pipeline.readers.landmarks.video_clock import (
-    Rate,
-    is_frame_number,
-    stated_rate,
-    times_of_frames,
-)
 
 FORMAT = Format(
     name="MediaPipe landmarks JSON",

@@ -15,7 +15,6 @@ import numpy as np
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
-from kinemimic.pipeline.readers.base.clock import seconds_of
 from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
@@ -23,6 +22,7 @@ from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
 from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import seconds_of
 
 FORMAT = Format(
     name="Nuitrack CSV",

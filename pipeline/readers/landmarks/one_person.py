@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.clock import clock_of
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
-from kinemimic.pipeline.readers.landmarks.video_clock import is_frame_number
+from kinemimic.pipeline.readers.clocks.clock import clock_of
+from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 
 _PERSON = re.compile(
     r"(?:person|people|body|user|player|subject|skeleton|human|track(?:ing)?)(?:id|idx|index|no|nr|num|number)?"

@@ -16,9 +16,9 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.video_clock import Rate, times_of_frames
 from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, path_of_landmarks, states_of
 from kinemimic.pipeline.readers.landmarks.joint_sets import joint_set_of, places
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate, times_of_frames
 
 _PIXELS = 20.0  # larger than a person in metres
 

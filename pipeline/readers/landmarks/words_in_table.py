@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from kinemimic.pipeline.readers.base.dates import seconds_of_dates
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.dates import seconds_of_dates
 
 # That show which columns hold words.
 _ROWS = 64

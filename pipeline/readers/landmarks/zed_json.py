@@ -19,13 +19,13 @@ from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODES, TRACKED
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
-from kinemimic.pipeline.readers.base.clock import seconds_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.people import other_people, renumbered
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import seconds_of
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
 
 FORMAT = Format(

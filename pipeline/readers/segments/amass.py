@@ -15,9 +15,9 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers.array_files.npz import array_names, array_shapes, read_arrays
-from kinemimic.pipeline.readers.base.clock import is_rate
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import is_rate
 from kinemimic.pipeline.readers.segments.smpl_arrays import numbers, path_of, smpl_arrays, turns
 from kinemimic.pipeline.readers.segments.smpl_clip import RATE, STATURES, SmplMotion, clip_of_motion
 

@@ -16,7 +16,7 @@ from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip, read_json
 from kinemimic.pipeline.kinematics.clip import Clip, Label
-from kinemimic.pipeline.readers.base.frame_rate import HIGHEST, LOWEST, at_rate
+from kinemimic.pipeline.readers.clocks.frame_rate import HIGHEST, LOWEST, at_rate
 from kinemimic.pipeline.readers.recognise import read
 
 Text = Callable[..., str]

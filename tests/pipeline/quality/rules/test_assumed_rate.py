@@ -12,7 +12,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.quality.rules.assumed_rate import WALK_RATIO, StrideEstimate, gait_of
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.frame_rate import at_rate
+from kinemimic.pipeline.readers.clocks.frame_rate import at_rate
 from kinemimic.pipeline.readers.recognise import read, read_source
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.readers.base.dates import seconds_of_dates
+from kinemimic.pipeline.readers.clocks.dates import seconds_of_dates
 
 
 def test_dates_and_zones() -> None:

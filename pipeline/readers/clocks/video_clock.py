@@ -12,13 +12,13 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.clock import STEPS, clock_of, is_rate, seconds_of
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
-from kinemimic.pipeline.readers.base.frame_rate import HIGHEST, LOWEST
 from kinemimic.pipeline.readers.base.json_text import numbers
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import STEPS, clock_of, is_rate, seconds_of
+from kinemimic.pipeline.readers.clocks.frame_rate import HIGHEST, LOWEST
 
 # Of a video that says nothing about it.
 RATE = 30.0

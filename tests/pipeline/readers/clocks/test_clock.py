@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from samples import source_of
 
-from kinemimic.pipeline.readers.base.clock import UNITS, clock_of, is_rate, says_time, seconds_of
 from kinemimic.pipeline.readers.base.column_names import words_of
+from kinemimic.pipeline.readers.clocks.clock import UNITS, clock_of, is_rate, says_time, seconds_of
 
 SECONDS = np.arange(40) / 60.0
 

@@ -10,7 +10,7 @@ from samples import source_of
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.readers.landmarks.video_clock import Rate, VideoTimes, stated_rate, times_of_frames
+from kinemimic.pipeline.readers.clocks.video_clock import Rate, VideoTimes, stated_rate, times_of_frames
 
 COUNT = 60
 EVEN = np.arange(COUNT)
