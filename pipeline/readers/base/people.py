@@ -3,20 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 _Body = TypeVar("_Body")
-# A person who is lost is found again within so many steps of the clock (a second at 30 Hz), and so near, in
-# sizes of the body: the estimate of a body half out of view, and what somebody runs in a step.
+# A person who is lost is found again within so many steps of the clock (a second at 30 Hz), and so near to
+# where they were, or would be if they had gone on, in sizes of the body.
 _LONGEST_LOSS = 30
-_NEAR, _NEAR_PER_STEP = 0.2, 0.04
+_NEAR, _NEAR_PER_STEP, _FARTHEST = 0.2, 0.02, 0.5
+_ALIKE = 1.25  # largest ratio of the sizes of one person, who stands or crouches
+# Bodies whose middle stays within this many sizes of the origin are given about their own hips.
+_AT_ORIGIN = 0.1
+_FEW = 10  # bodies at either side of a loss that show its speed and size
 _MOST_NUMBERS = 1000
+_HUGE = 1e9  # coordinates in any unit
+
+
+@dataclass(frozen=True)
+class FoundAgain:
+    """same: number -> first number of that person; people: (R,) numbers with these in place; kept: (R,)
+    False for a row without a place of a person whom another row of the same moment shows."""
+
+    same: Mapping[int, int]
+    people: NDArray[np.intp]
+    kept: Mask
+
+    def defects(self) -> list[Defect]:
+        """A defect if anybody was numbered anew."""
+        if not self.same:
+            return []
+        count = len(set(self.same.values()))
+        who = "a person was" if count == 1 else f"{count} people were"
+        taken = "taken as one person" if count == 1 else "each taken as one person"
+        text = f"{who} lost and soon found again nearby under another number: {taken}"
+        return [Defect("renumbered_people", len(self.same), "numbers", "repaired", text)]
 
 
 def other_people(people: Sequence[Collection[int]], main_person: int) -> Iterator[Defect]:
@@ -37,78 +63,85 @@ def other_people(people: Sequence[Collection[int]], main_person: int) -> Iterato
         yield Defect("several_people", len(others), "people", "flagged", text)
 
 
-def found_again(moments: Array, people: NDArray[np.intp], points: Array) -> dict[int, int]:
-    """Number -> first number of the same person, for those whom a tracker lost and soon found again, and
-    then numbered anew, as where somebody is hidden for a moment.
+def found_again(moments: Array, people: NDArray[np.intp], points: Array) -> FoundAgain:
+    """Find people whom a tracker lost, soon found again and then numbered anew, as where somebody is hidden
+    for a moment.
 
-    moments: (R,) time or number of the frame in which a body is seen; people: (R,) its number; points:
-    (R, J, 3) in any unit, NaN or zeros where it is not seen. The new number begins within a second at 30 Hz
-    of where the old one ends, and its joints are near those of the old one.
+    moments: (R,) time or number of the frame in which a body is seen, in any unit; people: (R,) its number;
+    points: (R, J, 3) in any unit, NaN or zeros where it is not seen. The new number begins within 30 median
+    steps of the clock after the old one ends, within half a body of it, and the bodies are of one size. A
+    number that comes back is not looked at twice. Bodies that stay about the origin show no place, and nobody
+    among them is taken for another.
     """
-    numbers = np.unique(people)
-    if not 1 < len(numbers) <= _MOST_NUMBERS:
-        return {}
-    places = np.where((points == 0.0).all(axis=-1, keepdims=True), np.nan, points)
-    rows = np.flatnonzero(np.isfinite(places).all(axis=-1).any(axis=-1) & np.isfinite(moments))
-    if not len(rows):
-        return {}
-    step, size = _step(moments[rows]), _size(places[rows])
+    unchanged = FoundAgain({}, people, np.ones(len(people), dtype=np.bool_))
+    if not 1 < len(np.unique(people)) <= _MOST_NUMBERS:
+        return unchanged
+    with np.errstate(invalid="ignore"):
+        gone = ~(np.abs(points) < _HUGE).all(axis=-1) | (points == 0.0).all(axis=-1)
+    places = np.where(gone[..., None], np.nan, points)
+    seen = ~gone.all(axis=-1) & np.isfinite(moments)
+    rows = np.flatnonzero(seen)
     rows = rows[np.argsort(moments[rows], kind="stable")]
-    first: dict[int, int] = {}  # number -> its first row, in the order of time
-    last: dict[int, int] = {}
+    if not len(rows) or _about_origin(places[rows]):
+        return unchanged
+    step = _step(moments[rows])
+    tracks: dict[int, list[int]] = {}  # number -> its rows, by the time of the first
     for row, number in zip(rows.tolist(), people[rows].tolist(), strict=True):
-        first.setdefault(number, row)
-        last[number] = row
+        tracks.setdefault(number, []).append(row)
     same: dict[int, int] = {}
-    ends: dict[int, int] = {}  # first number of a person -> the last row so far
-    for number, begin in first.items():
-        near = {}
-        for person, end in ends.items():
-            steps = float(moments[begin] - moments[end]) / step
-            if 0.0 < steps <= _LONGEST_LOSS:
-                moved = _distance(places[begin], places[end])
-                if moved <= size * (_NEAR + _NEAR_PER_STEP * steps):
-                    near[person] = moved
-        person = min(near, key=lambda one: near[one], default=number)
-        if person != number:
+    ends: dict[int, list[int]] = {}  # first number of a person -> the rows of the last number so far
+    for number, track in tracks.items():
+        distances = {
+            person: _distance(moments, places, end[-_FEW:], track[:_FEW], step)
+            for person, end in ends.items()
+        }
+        person = min(distances, key=lambda one: distances[one], default=number)
+        if person != number and distances[person] <= 1.0:
             same[number] = person
-        ends[person] = last[number]
-    return same
+        ends[same.get(number, number)] = track
+    if not same:
+        return unchanged
+    merged = np.array([same.get(number, number) for number in people.tolist()])
+    shown = set(zip(moments[seen].tolist(), merged[seen].tolist(), strict=True))
+    pairs = zip(moments.tolist(), merged.tolist(), strict=True)
+    elsewhere = np.array([pair in shown for pair in pairs])
+    return FoundAgain(same, merged, seen | ~elsewhere)
 
 
 def renumbered(
-    frames: Sequence[Mapping[int, _Body]], points: Callable[[_Body], Array | None]
+    moments: Array, frames: Sequence[Mapping[int, _Body]], points: Callable[[_Body], Array | None]
 ) -> tuple[list[dict[int, _Body]], list[Defect]]:
     """The bodies of each frame under the first number of the same person (`found_again`), and a defect.
 
-    frames: number -> body; points: of a body, (J, 3) in any unit, or None if it has none.
+    moments: (F,) times of the frames; frames: number -> body; points: of a body, (J, 3) in any unit, or None
+    if it has none.
     """
     plain = [dict(bodies) for bodies in frames]
     if len({number for bodies in plain for number in bodies}) < 2:
         return plain, []
-    seen = [
-        (moment, number, place)
-        for moment, bodies in enumerate(plain)
+    rows = [
+        (frame, number, body, place)
+        for frame, bodies in enumerate(plain)
         for number, body in bodies.items()
         if (place := points(body)) is not None
     ]
-    if len({place.shape for *_, place in seen}) != 1:
+    if len({place.shape for *_, place in rows}) != 1:
         return plain, []
-    moments, people, places = (np.array(column) for column in zip(*seen, strict=True))
-    same = found_again(moments.astype(np.float64), people, places)
-    return [
-        {same.get(number, number): body for number, body in bodies.items()} for bodies in plain
-    ], new_numbers(same)
+    at, numbers, bodies_of_rows, places = zip(*rows, strict=True)
+    found = found_again(moments[list(at)], np.array(numbers), np.array(places))
+    if not found.same:
+        return plain, []
+    joined: list[dict[int, _Body]] = [{} for _ in plain]
+    for frame, number, body, kept in zip(at, found.people.tolist(), bodies_of_rows, found.kept, strict=True):
+        if kept:
+            joined[frame][number] = body
+    return joined, found.defects()
 
 
-def new_numbers(same: Mapping[int, int]) -> list[Defect]:
-    """A defect for people who were numbered anew; same: of `found_again`."""
-    if not same:
-        return []
-    count = len(set(same.values()))
-    who = "a person" if count == 1 else f"{count} people"
-    text = f"{who} lost and found again under another number, soon and in the same place: taken as one"
-    return [Defect("renumbered_people", len(same), "numbers", "repaired", text)]
+def _about_origin(places: Array) -> bool:
+    """Whether the middles of bodies (R, J, 3) stay at the origin."""
+    middles = np.linalg.norm(np.nanmedian(places, axis=1), axis=-1)
+    return bool(np.median(middles) <= _AT_ORIGIN * _size(places))
 
 
 def _step(moments: Array) -> float:
@@ -118,12 +151,29 @@ def _step(moments: Array) -> float:
 
 
 def _size(places: Array) -> float:
-    """The usual largest extent of a body; places: (R, J, 3), each with a joint."""
+    """The median of the largest extents of bodies (R, J, 3), each with a joint."""
     extents = np.nanmax(places, axis=1) - np.nanmin(places, axis=1)
     return float(np.median(extents.max(axis=-1)))
 
 
-def _distance(one: Array, other: Array) -> float:
+def _distance(moments: Array, places: Array, end: list[int], begin: list[int], step: float) -> float:
+    """How far the rows `begin` of a number are from where the rows `end` of another one led, as a share of
+    what is near; infinite if they cannot be of one person."""
+    steps = float(moments[begin[0]] - moments[end[-1]]) / step
+    sizes = _size(places[end]), _size(places[begin])
+    if not 0.0 < steps <= _LONGEST_LOSS or min(sizes) <= 0.0 or max(sizes) > _ALIKE * min(sizes):
+        return np.inf
+    moved = _between(places[end[-1]], places[begin[0]])
+    passed = float(moments[end[-1]] - moments[end[0]])
+    ways = places[end[-1]] - places[end[0]]
+    ways = ways[np.isfinite(ways).all(axis=-1)]
+    if passed > 0.0 and len(ways):
+        ahead = places[end[-1]] + np.median(ways, axis=0) * (steps * step / passed)
+        moved = min(moved, _between(ahead, places[begin[0]]))
+    return moved / (min(sizes) * min(_NEAR + _NEAR_PER_STEP * steps, _FARTHEST))
+
+
+def _between(one: Array, other: Array) -> float:
     """The median distance of the joints (J, 3) that are in both; infinite without any."""
     distances = np.linalg.norm(one - other, axis=-1)
     known = distances[np.isfinite(distances)]

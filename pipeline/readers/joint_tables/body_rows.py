@@ -10,9 +10,10 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.numbers import is_empty, to_number
-from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
+from kinemimic.pipeline.readers.base.people import found_again, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.clocks.clock import says_time
+from kinemimic.pipeline.readers.clocks.dates import seconds_of_dates
 from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 from kinemimic.pipeline.readers.custom_table.description import Description
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet
@@ -74,28 +75,27 @@ def of_one_person(
     numbers = sorted({one for place in places for one in place})
     values, texts = cells.read(numbers, sorted({column, clock}))
     by_column = dict(zip(sorted({column, clock}), texts, strict=True))
-    moments = _moments(by_column[clock]) if clock != column else np.arange(len(values), dtype=np.float64)
+    moments = _moments(by_column[clock]) if clock != column else np.full(len(values), np.nan)
     points = values[:, [[numbers.index(one) for one in place] for place in places]]
-    same = found_again(moments, by_column[column].codes, points)
-    people = np.array([same.get(code, code) for code in by_column[column].codes.tolist()], dtype=np.intp)
+    found = found_again(moments, by_column[column].codes, points)
+    people = np.where(found.kept, found.people, -1)  # the code of nobody
     seen = np.asarray((np.isfinite(values) & (values != 0.0)).any(axis=1))
     count = Counter(people[seen].tolist())
     if not count or (people == people[0]).all():
-        return source, new_numbers(same)
+        return source, found.defects()
     main = count.most_common(1)[0][0]
     dropped = set(np.array(cells.lines_of_rows())[people != main].tolist())
     lines = ["" if number in dropped else line for number, line in enumerate(source.lines, 1)]
-    frames: dict[float, set[int]] = {}
-    for moment, person in zip(moments[seen].tolist(), people[seen].tolist(), strict=True):
+    frames: dict[int, set[int]] = {}
+    rows = by_column[clock].codes if clock != column else np.arange(len(people))
+    for moment, person in zip(rows[seen].tolist(), people[seen].tolist(), strict=True):
         frames.setdefault(moment, set()).add(person)
     others = other_people(list(frames.values()), main)
-    return source.with_text("\n".join(lines)), [*new_numbers(same), *others]
+    return source.with_text("\n".join(lines)), [*found.defects(), *others]
 
 
 def _moments(words: Words) -> Array:
-    """The times or frame numbers (R,) in a column of words; of other words, their order in the file."""
+    """The times, dates or frame numbers (R,) in a column of words, NaN for other words."""
     known = [to_number(word.replace(",", ".")) for word in words.known[1:]]
-    if all(one is not None and math.isfinite(one) for one in known):
-        return np.array([np.nan, *known], dtype=np.float64)[words.codes]
-    _, rows, ranks = np.unique(words.codes, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(rows))[ranks].astype(np.float64)
+    seconds = [*seconds_of_dates(words.known[1:])] if None in known else known
+    return np.array([np.nan, *seconds], dtype=np.float64)[words.codes]

@@ -27,7 +27,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, decimal_points, parse_table
 from kinemimic.pipeline.readers.base.paired_files import other_half, required_half
-from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
+from kinemimic.pipeline.readers.base.people import found_again, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
     AZURE_JOINTS,
@@ -86,11 +86,10 @@ def read(source: Source) -> Clip:
     begins, times = positions.frames()
     later, defects = sensor_clock(times, lambda frame: positions.where(int(begins[frame])), positions.source)
     frame_of_row = np.searchsorted(begins, np.arange(len(positions.people)), side="right") - 1
-    same = found_again(frame_of_row.astype(np.float64), positions.people, positions.values[..., 1:])
-    numbers = np.array([same.get(number, number) for number in positions.people.tolist()])
-    people = [set(group.tolist()) for group in np.split(numbers, begins[1:])]
-    main_person = Counter(numbers.tolist()).most_common(1)[0][0]
-    rows = np.flatnonzero(numbers == main_person)
+    again = found_again(times[frame_of_row], positions.people, positions.values[..., 1:])
+    people = [set(group.tolist()) for group in np.split(again.people, begins[1:])]
+    main_person = Counter(again.people[again.kept].tolist()).most_common(1)[0][0]
+    rows = np.flatnonzero(again.kept & (again.people == main_person))
     frames = frame_of_row[rows]
 
     points = np.full((len(times), len(AZURE_JOINTS), 3), np.nan)
@@ -114,7 +113,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="mm",
             units_rule="the format's",
-            defects=[*defects, *new_numbers(same), *other_people(people, main_person)],
+            defects=[*defects, *again.defects(), *other_people(people, main_person)],
             notes=notes,
             columns=positions.width,
         ),

@@ -81,9 +81,8 @@ def read(source: Source) -> Clip:
     order = _order(document.get("joint_names", list(AZURE_JOINTS)), source)
     times = np.array([_time(frame, number, source) for number, frame in enumerate(frames)]) * 1e-6
     later, defects = sensor_clock(times, _where, source)
-    people, anew = renumbered(
-        [_people(frame, number, source) for number, frame in enumerate(frames)], _places
-    )
+    bodies_of_frames = [_people(frame, number, source) for number, frame in enumerate(frames)]
+    people, anew = renumbered(times, bodies_of_frames, _places)
     seen = Counter(body for bodies in people for body in bodies)
     if not seen:
         raise source.error(expected="a person", found=f"{len(frames)} frames without one")

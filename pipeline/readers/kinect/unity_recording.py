@@ -85,7 +85,8 @@ def read(source: Source) -> Clip:
     """
     frames = list(_frames(source))
     kind = frames[0].kind
-    people, anew = renumbered([frame.bodies for frame in frames], lambda body: body[:, 1:])
+    times, notes = _seconds(frames)
+    people, anew = renumbered(times, [frame.bodies for frame in frames], lambda body: body[:, 1:])
     count = Counter(body for bodies in people for body in bodies)
     if not count:
         raise source.error(expected="a person", found="none in any line")
@@ -99,7 +100,6 @@ def read(source: Source) -> Clip:
 
     check_states(states, kind.skeleton.names, where, source)
     refuse_remote(places, kind.skeleton.names, source, where)
-    times, notes = _seconds(frames)
     later, defects = sensor_clock(times, where, source)
     others = [*anew, *other_people([set(bodies) for bodies in people], main)]
     return clip_of_points(

@@ -20,7 +20,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
-from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
+from kinemimic.pipeline.readers.base.people import found_again, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.clocks.clock import seconds_of
 
@@ -73,10 +73,9 @@ def read(source: Source) -> Clip:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise source.error(expected="a number as id", found=f"{users[row]:g}", line=table.line(row))
-    same = found_again(clock, users.astype(np.int64), values[:, 2:].reshape(len(values), len(nodes), 3))
-    users = np.array([same.get(user, user) for user in users.astype(np.int64).tolist()])
-    main = Counter(users.tolist()).most_common(1)[0][0]
-    rows = np.flatnonzero(users == main)
+    found = found_again(clock, users.astype(np.int64), values[:, 2:].reshape(len(values), len(nodes), 3))
+    main = Counter(found.people[found.kept].tolist()).most_common(1)[0][0]
+    rows = np.flatnonzero(found.kept & (found.people == main))
     times, later, defects, _ = seconds_of(
         clock[rows], f"{_CLOCK} (us)", source, lambda row: f"line {table.line(int(rows[row]))}"
     )
@@ -89,7 +88,7 @@ def read(source: Source) -> Clip:
         any_unit=True,
     )
     seen: dict[float, set[int]] = {}
-    for time, user in zip(clock.tolist(), users.tolist(), strict=True):
+    for time, user in zip(clock.tolist(), found.people.tolist(), strict=True):
         seen.setdefault(time, set()).add(user)
     return clip_of_points(
         skeleton_of(nodes),
@@ -101,7 +100,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the format's",
-            defects=[*defects, *new_numbers(same), *other_people(list(seen.values()), main)],
+            defects=[*defects, *found.defects(), *other_people(list(seen.values()), main)],
             columns=len(names),
         ),
     )
@@ -128,5 +127,4 @@ def _without_serial(source: Source, names: list[str], line: int) -> Source:
         if len(cells) > column and text.strip():
             cells[column] = "0"
         rows.append(separator.join(cells))
-    content = "\n".join([*source.lines[:line], *rows])
-    return Source(source.path, content.encode(), source.sha256)
+    return source.with_text("\n".join([*source.lines[:line], *rows]))

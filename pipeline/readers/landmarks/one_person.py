@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.column_names import words_of
-from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
+from kinemimic.pipeline.readers.base.people import found_again, other_people
 from kinemimic.pipeline.readers.clocks.clock import clock_of
 from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 
@@ -41,14 +41,14 @@ def rows_of_one_person(beside: Mapping[str, Array], points: Array) -> tuple[NDAr
     if people is None:
         return everyone, []
     known = np.isfinite(people)
-    same = found_again(moments[known], people[known].astype(np.int64), points[known])
-    people = np.array([same.get(number, number) for number in people.tolist()])
-    main = Counter(people[known].tolist()).most_common(1)[0][0]
+    found = found_again(moments[known], people[known].astype(np.int64), points[known])
+    main = Counter(found.people[found.kept].tolist()).most_common(1)[0][0]
+    own = ~known
+    own[known] = found.kept & (found.people == main)
     seen: dict[float, set[int]] = {}
-    for moment, person in zip(moments[known].tolist(), people[known].tolist(), strict=True):
-        seen.setdefault(moment, set()).add(int(person))
-    others = other_people(list(seen.values()), int(main))
-    return np.flatnonzero(~known | (people == main)), [*new_numbers(same), *others]
+    for moment, person in zip(moments[known].tolist(), found.people.tolist(), strict=True):
+        seen.setdefault(moment, set()).add(person)
+    return np.flatnonzero(own), [*found.defects(), *other_people(list(seen.values()), main)]
 
 
 def is_person(name: str) -> bool:

@@ -73,9 +73,11 @@ def read(source: Source) -> Clip:
     Raises CaptureError for damaged JSON, and bodies of other points than those of the SDK's formats.
     """
     frames = _frames(parse_json(source), source)
-    people, anew = renumbered(
-        [_bodies(frame, number, source) for number, frame in enumerate(frames)], lambda body: body[0]
-    )
+    bodies_of_frames = [_bodies(frame, number, source) for number, frame in enumerate(frames)]
+    clock = numbers([frame.get("timestamp") for frame in frames])
+    if clock is None or clock.ndim != 1:
+        raise source.error(expected="a timestamp in every frame", found="something else")
+    people, anew = renumbered(clock, bodies_of_frames, lambda body: body[0])
     count = Counter(number for bodies in people for number in bodies)
     if not count:
         raise source.error(expected="frames with a body", found=f"none in {len(frames)} frames")
@@ -92,9 +94,6 @@ def read(source: Source) -> Clip:
                 )
             points[number] = place
             sure[number] = _SURE if level is None else level
-    clock = numbers([frame.get("timestamp") for frame in frames])
-    if clock is None or clock.ndim != 1:
-        raise source.error(expected="a timestamp in every frame", found="something else")
     times, later, defects, _ = seconds_of(clock, "timestamp", source, lambda frame: f"frame {frame}")
     nodes = tuple(node for node in NODES if node in POINTS[size])
     chosen = [POINTS[size][node] for node in nodes]

@@ -24,7 +24,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import numbers_of
-from kinemimic.pipeline.readers.base.people import found_again, new_numbers, other_people
+from kinemimic.pipeline.readers.base.people import found_again, other_people
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions, check_states
@@ -82,16 +82,18 @@ def read(source: Source) -> Clip:
     refuse_remote(points, SDK_JOINTS, source, where)
     check_quaternions(orientations, SDK_JOINTS, where, source)
     numbers = [number for number, found in enumerate(frames) for _ in found]
-    same = found_again(np.array(numbers, dtype=np.float64), np.array([*chain(*frames)]), points)
-    people = [{same.get(body, body) for body in found} for found in frames]
-    bodies = [same.get(body, body) for body in chain(*frames)]
-    seen = Counter(bodies)
+    found = found_again(np.array(numbers, dtype=np.float64), np.array([*chain(*frames)]), points)
+    bodies = found.people.tolist()
+    people: list[set[int]] = [set() for _ in frames]
+    for number, body in zip(numbers, bodies, strict=True):
+        people[number].add(body)
+    seen = Counter(found.people[found.kept].tolist())
     tracked = Counter[int]()
     for body, count in zip(bodies, (states == TRACKED).sum(axis=1).tolist(), strict=True):
         tracked[body] += count
     main_person = max(seen, key=lambda body: (seen[body], tracked[body]))
-    rows = [row for row, body in enumerate(bodies) if body == main_person]
-    at = [number for number, found in enumerate(people) if main_person in found]
+    rows = np.flatnonzero(found.kept & (found.people == main_person))
+    at = np.array(numbers)[rows]
     shape = (len(frames), len(SDK_JOINTS))
     kept = np.full((*shape, _JOINT_WIDTH), np.nan)
     kept[at] = values[rows]
@@ -107,7 +109,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the format's",
-            defects=[*new_numbers(same), *other_people(people, main_person)],
+            defects=[*found.defects(), *other_people(people, main_person)],
             notes=[f"no time in the file: {RATE:g} Hz, the sensor's rate"],
         ),
         rotations=child_to_parent(kept[:, FROM_SDK][..., [8, 9, 10, 7]], skeleton, Y_UP_TO_Z_UP),
