@@ -6,6 +6,7 @@ import importlib
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import cast
 
@@ -79,6 +80,7 @@ _MODULES: tuple[str, ...] = (
 _SEPARATORS = re.compile(r"[,;]+")
 # Between the cells of a sheet: most formats are read with commas, some with TABs alone.
 _SEPARATORS_OF_CELLS = (",", "\t")
+_FEWEST_CELLS = 9  # in the rows of a table of some joints
 
 
 def readers() -> tuple[Reader, ...]:
@@ -137,37 +139,41 @@ def read(
 
 
 def open_capture(path: Path, *, unit: str | None = None) -> Source:
-    """The content of a capture file; of a workbook, the first sheet whose beginning can be read.
+    """The content of a capture file; of a workbook, that of the sheet with the capture.
 
-    unit: as in `Source`. Raises CaptureError for a file that cannot be opened, and for a workbook of several
-    sheets none of which is recognised; KinemimicError without the library that opens workbooks.
+    Of sheets whose names say that they have places, else of sheets whose names say nothing, it is the first
+    that is recognised, and whose beginning can be read if there are several; a sheet of angles or velocities
+    is read only if there is no other. unit: as in `Source`. Raises CaptureError for a file that cannot be
+    opened, KinemimicError without the library that opens workbooks.
     """
     source = Source.open(path, unit=unit)
     if not is_workbook(source):
         return source
     workbook = Workbook(source)
-    first = None
-    for name in workbook.names:
-        for separator in _by_reader(workbook, name):
-            if _is_readable(workbook.head(name, separator)):
-                return workbook.sheet(name, separator)
-            first = first or (name, separator)
-    if first:  # its reader says what is wrong with it
-        return workbook.sheet(*first)
-    if len(workbook.names) == 1:
-        return workbook.sheet(workbook.names[0], ",")
-    listed = ", ".join(name[:40] for name in workbook.names[:4]) + (" …" if len(workbook.names) > 4 else "")
-    raise NotACaptureError(
-        path, expected="a workbook with a sheet that is a capture", found=listed or "no sheets with cells",
-        advice="save the sheet with the joints' positions as CSV",
-    )  # fmt: skip
+    *groups, others = workbook.names
+    for names in groups if any(groups) else (others,):
+        found = [(name, *head) for name in names if (head := _recognised(workbook, name))]
+        if found:  # if none of them can be read, the reader of the first says why
+            name, separator, _ = next((one for one in found if _is_readable(one[2])), found[0])
+            return workbook.sheet(name, separator)
+    heads = {name: workbook.head(name, ",") for name in (list(chain(*groups)) or others)}
+    name = max(heads, key=lambda one: len(heads[one].content))
+    several = sum(map(len, workbook.names)) > 1
+    if several and heads[name].head[-1].count(",") < _FEWEST_CELLS:
+        listed = ", ".join(one[:40] for one in islice(chain(*workbook.names), 4))
+        raise NotACaptureError(path, expected="a sheet with positions of joints or markers", found=listed)
+    return workbook.sheet(name, ",")  # `reader_of` says what is wrong with it
 
 
-def _by_reader(workbook: Workbook, name: str) -> list[str]:
-    """The separators with which a sheet is recognised, in the order in which their readers are tried."""
-    order = readers()
-    found = {separator: _recognising(workbook.head(name, separator)) for separator in _SEPARATORS_OF_CELLS}
-    return sorted((one for one, reader in found.items() if reader), key=lambda one: order.index(found[one]))
+def _recognised(workbook: Workbook, name: str) -> tuple[str, Source] | None:
+    """The separator with which a sheet is recognised by the first of the readers, and its beginning; None if
+    it is not recognised at all."""
+    order, found = readers(), []
+    for separator in _SEPARATORS_OF_CELLS:
+        head = workbook.head(name, separator)
+        if reader := _recognising(head):
+            found.append((order.index(reader), not _is_readable(head), separator, head))
+    return min(found, key=lambda one: one[:2])[2:] if found else None
 
 
 def _is_readable(source: Source) -> bool:

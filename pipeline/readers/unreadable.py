@@ -20,6 +20,7 @@ class Unreadable(NamedTuple):
 _UNPACK = "unpack it first (gzip alone is read packed)"
 _AS_BVH = "export its motion as BVH, for example from Blender"
 _AS_CSV = "save the positions of the joints as CSV"
+_PASSWORD = "EncryptedPackage".encode("utf-16-le")
 _AS_WORKBOOK = "save it as a workbook of Excel (.xlsx), or its sheet as CSV"
 # The name of a part of every file of PyTorch, and bytes of the longest header of a numpy file that are read.
 _PICKLE_OF_TORCH, _NUMPY_HEADER = b"/data.pkl", 256
@@ -85,6 +86,8 @@ def unreadable(source: Source) -> Unreadable | None:
         return Unreadable(f"{what}, which is not read because it can run any program", _AS_ARRAYS)
     if _is_utf_16(source.content[:4096]):
         return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
+    if _PASSWORD in source.content:
+        return Unreadable("a file of Office with a password", "save it without one")
     known = (what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark)
     return _mat_file(list(heads(source))) if is_mat5(source) else next(known, None)
 

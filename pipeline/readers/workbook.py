@@ -9,6 +9,8 @@ import csv
 import importlib.util
 import io
 import itertools
+import re
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,19 +25,32 @@ from kinemimic.pipeline.readers.clocks.clock import is_rate
 from kinemimic.pipeline.readers.clocks.frame_rate import HIGHEST, LOWEST
 
 Row = Sequence[Any]
-# The name of a part of every workbook, which is a ZIP archive.
-_PART = b"xl/workbook.xml"
-MAX_CELLS = 20_000_000  # of a sheet, empty ones included
+# The name of a part of every workbook, which is a ZIP archive; the texts that cells share are in the other.
+_PART, _SHARED = b"xl/workbook.xml", "sharedStrings.xml"
+# Unpacked bytes of a part, which is read as a stream, and of the shared texts, which are in memory.
+_MAX_PART, _MAX_SHARED = 2 * 2**30, 128 * 2**20
+MAX_CELLS = 20_000_000  # of a sheet
 _MAX_SHEETS = 100
 _HEAD = 200  # rows that are enough to recognise a table
-# Rows and columns at the top of a sheet in which a frame rate is looked for.
-_RATE_ROWS, _RATE_COLUMNS = 64, 8
-# Words in the names of sheets with places, and of those with other numbers under the same header.
-_PLACES = frozenset(("position", "positions", "trajectories", "markers", "joints"))
-_OTHERS = frozenset((
-    "acceleration", "angle", "angles", "angular", "euler", "field", "moment", "moments", "orientation",
-    "orientations", "quat", "rotation", "rotations", "velocity",
+# Rows of a sheet in which the frame rate is looked for, and cells of a row there: of a table's, none is.
+_RATE_ROWS, _RATE_CELLS = 64, 6
+_VALUE = re.compile(r"\s*([\d.,]+)\s*(?:hz|fps)?\s*", re.IGNORECASE)
+# Errors of cells, without the mark at their end.
+_ERRORS = frozenset(("#N/A", "#DIV/0", "#NAME", "#NULL", "#NUM", "#REF", "#VALUE"))
+# Words in the names of sheets with places, of those with other numbers under the same header, and of those of
+# other devices.
+_PLACES = frozenset((
+    "coordinates", "joints", "keypoints", "landmarks", "marker", "markers", "position", "positions",
+    "trajectories", "trajectory", "xyz",
 ))  # fmt: skip
+_OTHERS = frozenset((
+    "acceleration", "accelerations", "angle", "angles", "angular", "euler", "field", "force", "forces",
+    "moment", "moments", "orientation", "orientations", "quat", "quaternion", "quaternions", "rotation",
+    "rotations", "speed", "speeds", "torque", "torques", "velocities", "velocity",
+))  # fmt: skip
+_DEVICES = frozenset(
+    ("analog", "device", "devices", "emg", "force", "forces", "imu", "plate", "sensor", "sensors")
+)
 
 
 def is_workbook(source: Source) -> bool:
@@ -46,9 +61,9 @@ def is_workbook(source: Source) -> bool:
 class Workbook:
     """The sheets of a workbook.
 
-    names: of the sheets that are not empty, first of those that have places by their names, last of those
-    that have something else. Raises KinemimicError if openpyxl is not installed, CaptureError for a damaged
-    workbook and for one that unpacks to more than MAX_BYTES.
+    names: of the sheets with cells, in groups: of those that have places by their names, of others, and of
+    those that have something else by their names. Raises KinemimicError if openpyxl is not installed,
+    CaptureError for a damaged or empty workbook, and one whose parts are too large.
     """
 
     def __init__(self, source: Source) -> None:
@@ -66,52 +81,89 @@ class Workbook:
                 io.BytesIO(source.content), read_only=True, data_only=True, keep_links=False
             )
             titles = [sheet.title for sheet in self._book.worksheets[:_MAX_SHEETS]]
-            heads = {title: list(itertools.islice(self._rows(title), _HEAD)) for title in titles}
-        self.names = tuple(sorted((title for title in titles if _has_cells(heads[title])), key=_order))
-        self._rate = _stated_rate(heads.values())
+            filled = [title for title in titles if next(self._rows(title), None) is not None]
+        if not filled:
+            raise source.error(
+                expected="a workbook with a sheet that has cells", found="none",
+                advice="save it as Excel Workbook (.xlsx), not as Strict Open XML, or the sheet as CSV",
+            )  # fmt: skip
+        self.names = tuple(tuple(title for title in filled if _group(title) == group) for group in range(3))
 
     def head(self, name: str, separator: str) -> Source:
         """The first rows of a sheet as text; separator: what stands between its cells."""
-        return self._text(name, itertools.islice(self._rows(name), _HEAD), separator)
+        return self._text(name, itertools.islice(self._rows(name), _HEAD), separator, None)
 
     def sheet(self, name: str, separator: str) -> Source:
-        """A sheet as text, a line for each row; its `rate` is the one that the workbook states.
+        """A sheet as text, a line for each row, all of as many cells; its `rate` is the one that another
+        sheet states.
 
-        Raises CaptureError for a damaged sheet, and for one of more than MAX_CELLS cells.
+        Raises CaptureError for a damaged sheet, and for one that is too large.
         """
-        return self._text(name, self._rows(name), separator)
+        return self._text(name, self._rows(name), separator, self._rate(name))
 
-    def _text(self, name: str, rows: Iterable[Row], separator: str) -> Source:
-        text = io.StringIO()
-        writer = csv.writer(text, delimiter=separator, lineterminator="\n")
+    def _text(self, name: str, rows: Iterable[Row], separator: str, rate: float | None) -> Source:
+        lines, widths, size = [], [], 0
+        cells = io.StringIO()
+        writer = csv.writer(cells, delimiter=separator, lineterminator="")
         with _damage(self._source):
-            writer.writerows(map(_written, rows))
-        source, content = self._source, text.getvalue().encode()
-        return Source(
-            source.path, content, source.sha256, source.unit, part=f"sheet {name[:40]!r}", rate=self._rate
+            for row in rows:
+                cells.seek(0)
+                cells.truncate()
+                writer.writerow(map(_text_of, row))
+                lines.append(cells.getvalue() if row else "")
+                widths.append(len(row))
+                size += len(lines[-1])
+                if size > MAX_BYTES:
+                    raise self._too_large(name, f"at most {MAX_BYTES >> 20} MB of text in a sheet")
+        # As Excel writes CSV; the text of a line without cells stays blank.
+        width = max(widths, default=0)
+        if width * len(lines) > MAX_CELLS:
+            raise self._too_large(name, f"at most {MAX_CELLS:,} cells in a sheet")
+        padded = (
+            line + separator * (width - count) if count else line
+            for line, count in zip(lines, widths, strict=True)
         )
+        source, content = self._source, "\n".join(padded).encode()
+        part = f"sheet {name[:40]!r}"
+        return Source(source.path, content, source.sha256, source.unit, part=part, rate=rate)
 
     def _rows(self, name: str) -> Iterator[Row]:
-        """The rows, each as wide as the widest before it."""
+        """The rows up to the last one with a cell that is not empty, each up to its own last such cell."""
         sheet = self._book[name]
         sheet.reset_dimensions()  # as stated, they may be of any size, and every row is filled up to them
-        cells = width = 0
+        cells = empty = 0
         for row in sheet.iter_rows(values_only=True):
-            width = max(width, len(row))
-            cells += width + 1
+            width = next((k for k in range(len(row), 0, -1) if row[k - 1] not in (None, "")), 0)
+            if not width:
+                empty += 1
+                continue
+            cells += width + empty
             if cells > MAX_CELLS:
-                raise self._source.error(
-                    expected=f"at most {MAX_CELLS:,} cells in a sheet", found="more",
-                    where=f"sheet {name[:40]!r}",
-                )  # fmt: skip
-            yield (*row, *[None] * (width - len(row)))
+                raise self._too_large(name, f"at most {MAX_CELLS:,} cells in a sheet")
+            yield from itertools.repeat((), empty)
+            yield row[:width]
+            empty = 0
+
+    def _too_large(self, name: str, most: str) -> KinemimicError:
+        return self._source.error(expected=most, found="more", where=f"sheet {name[:40]!r}")
+
+    def _rate(self, name: str) -> float | None:
+        """The frame rate in Hz that the tops of the other sheets state, if they agree."""
+        found: set[float] = set()
+        with _damage(self._source):
+            for title in itertools.chain(*self.names):
+                if title != name and not set(words_of(title)) & _DEVICES:
+                    found |= _rates([*itertools.islice(self._rows(title), _RATE_ROWS)])
+        return found.pop() if len(found) == 1 else None
 
 
 @contextmanager
 def _damage(source: Source) -> Iterator[None]:
-    """What openpyxl raises, as a CaptureError."""
+    """What openpyxl raises, as a CaptureError; what it warns of, not at all."""
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
     except KinemimicError:
         raise
     except Exception as error:  # it trusts the parts of a workbook, so that damage raises anything
@@ -120,54 +172,56 @@ def _damage(source: Source) -> Iterator[None]:
 
 
 def _check_parts(source: Source) -> None:
-    """CaptureError if the parts of the workbook are larger than MAX_BYTES together, or than they claim."""
+    """CaptureError if a part claims to unpack to too much; zipfile reads no more than a part claims."""
     with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
-        size = sum(part.file_size for part in archive.infolist())
-        if size > MAX_BYTES:
-            raise source.error(
-                expected=f"a workbook of at most {MAX_BYTES >> 20} MB, unpacked", found=f"{size >> 20:,} MB"
-            )
-        # Reads no more than a part claims to have, and then compares its checksum.
-        if part := archive.testzip():
-            raise ValueError(f"the checksum of {part}")
+        for part in archive.infolist():
+            most = _MAX_SHARED if part.filename.endswith(_SHARED) else _MAX_PART
+            if part.file_size > most:
+                raise source.error(
+                    expected=f"a workbook with at most {most >> 20:,} MB in {part.filename[:60]}, unpacked",
+                    found=f"{part.file_size >> 20:,}",
+                )
 
 
-def _has_cells(rows: Iterable[Row]) -> bool:
-    return any(cell is not None for row in rows for cell in row)
-
-
-def _order(name: str) -> int:
+def _group(name: str) -> int:
     words = set(words_of(name))
-    return 2 if words & _OTHERS else 0 if words & _PLACES else 1
-
-
-def _written(row: Row) -> list[str]:
-    return [_text_of(cell) for cell in row]
+    return 0 if words & _PLACES else 2 if words & _OTHERS else 1
 
 
 def _text_of(cell: Any) -> str:
-    """A cell as in a file of CSV; a line break within it as a blank."""
+    """A cell as in a file of CSV; a line break within it as a blank, an error (#N/A) as nothing."""
     if cell is None:
         return ""
     if isinstance(cell, timedelta):
         return repr(cell.total_seconds())
     if isinstance(cell, date | time):
         return cell.isoformat()
-    return " ".join(str(cell).splitlines())
+    text = " ".join(str(cell).splitlines())
+    return "" if text.startswith("#") and text.rstrip("!?") in _ERRORS else text
 
 
-def _stated_rate(heads: Iterable[Sequence[Row]]) -> float | None:
-    """The frame rate in Hz beside or below a cell that names it, if all such cells agree."""
+def _rates(rows: Sequence[Row]) -> set[float]:
+    """The possible frame rates beside or below cells that name one; none in a table, or over a column."""
     found = set()
-    for rows in heads:
-        top = [row[:_RATE_COLUMNS] for row in rows[:_RATE_ROWS]]
-        for row, below in itertools.pairwise([*top, ()]):
-            for column, cell in enumerate(row):
-                if isinstance(cell, str) and is_rate(cell):
-                    near = (*row[column + 1 : column + 2], *below[column : column + 1])
-                    found |= {rate for rate in map(to_number, map(str, near)) if _is_possible(rate)}
-    return found.pop() if len(found) == 1 else None
+    for at, row in enumerate(rows):
+        for column, cell in enumerate(row if len(row) <= _RATE_CELLS else ()):
+            if isinstance(cell, str) and _names_frame_rate(cell):
+                below = [
+                    other[column : column + 1] for other in rows[at + 1 : at + 3] if len(other) <= _RATE_CELLS
+                ]
+                values = [_rate_of(one[0]) for one in below if one]
+                alone = values[:1] if len([value for value in values if value is not None]) < 2 else []
+                found |= {*map(_rate_of, row[column + 1 : column + 2]), *alone}
+    return {rate for rate in found if rate is not None}
 
 
-def _is_possible(rate: float | None) -> bool:
-    return rate is not None and LOWEST <= rate <= HIGHEST
+def _names_frame_rate(cell: str) -> bool:
+    words = [word for word in words_of(cell) if word != "hz"]
+    return is_rate(" ".join(words)) and "sampl" not in "".join(words)
+
+
+def _rate_of(cell: Any) -> float | None:
+    """The number of frames per second in a cell."""
+    match = _VALUE.fullmatch(str(cell))
+    rate = to_number(match[1].replace(",", ".")) if match else None
+    return rate if rate is not None and LOWEST <= rate <= HIGHEST else None

@@ -135,6 +135,8 @@ class Source:
         if not name or not (path := beside(self.path, name)).is_file():
             return None
         sidecar = Source.open(path)
+        if self.part and not sidecar.is_text:
+            return None  # a workbook, of which nobody has chosen a sheet
         self.sidecar_files[name] = sidecar.sha256
         return sidecar
 

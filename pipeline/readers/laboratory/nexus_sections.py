@@ -110,7 +110,7 @@ def read_section(source: Source, start: int, title: str) -> Section:
     rows = [_cells(line, separator, width) for line in source.lines[first:end]]
     content = "\n" * first + "\n".join(rows)
     table = parse_sparse_table(
-        Source(source.path, content.encode(), source.sha256),
+        source.with_text(content),
         start=first,
         width=width,
         separator=separator,

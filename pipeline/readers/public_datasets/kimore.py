@@ -82,7 +82,7 @@ def _without_bare_commas(source: Source) -> Source:
     if b"\n,," not in source.content and not source.content.startswith(b",,"):
         return source
     lines = (line if line.strip(" ,") else "" for line in source.lines)
-    return Source(source.path, "\n".join(lines).encode(), source.sha256)
+    return source.with_text("\n".join(lines))
 
 
 def _is_frame(row: list[float]) -> bool:

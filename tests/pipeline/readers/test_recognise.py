@@ -192,6 +192,13 @@ WALK = b"HIERARCHY " * 100
             "an old file of Office; save it as a workbook of Excel",
         ),
         (
+            bytes.fromhex("d0cf11e0a1b11ae1")
+            + bytes(99)
+            + "EncryptedPackage".encode("utf-16-le")
+            + bytes(99),
+            "a file of Office with a password; save it without one",
+        ),
+        (
             zipped(b"application/vnd.oasis.opendocument.spreadsheet", "mimetype"),
             "a spreadsheet of OpenDocument; save it as a workbook of Excel",
         ),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import samples
-from samples import joint_table, mvnx
+from samples import azure_csv, joint_table, mvnx
 from samples.motion import rigid_walk
 from samples.mutate import mutated
 from scipy.spatial.transform import Rotation
@@ -119,7 +119,7 @@ def test_the_sheet_of_places_and_the_rate_of_another(tmp_path: Path, rate: Any, 
 
 
 def test_two_rates_that_disagree_are_none(tmp_path: Path) -> None:
-    sheets = of_mvn() | {"Device": [["sampling rate", 1000.0]]}
+    sheets = of_mvn() | {"Video": [["frame rate", 25.0]]}
     assert read(tmp_path, saved(sheets)).rate == pytest.approx(30.0)
 
 
@@ -144,6 +144,83 @@ def test_cells_of_times(tmp_path: Path, clock: str) -> None:
     assert clip.times - clip.times[0] == pytest.approx(expected, abs=1e-3)
 
 
+def test_a_rate_with_its_unit_and_one_of_another_device(tmp_path: Path) -> None:
+    sheets = of_mvn() | {"General Information": [["Frame Rate (Hz)", "120 Hz"]]}
+    sheets |= {"EMG": [["frame rate", 1000.0]], "Notes": [["sampling rate", 500.0]]}
+    assert read(tmp_path, saved(sheets)).rate == pytest.approx(120.0)
+
+
+def test_a_column_of_rates_is_none(tmp_path: Path) -> None:
+    sheets = of_mvn() | {"General Information": [["frame", "fps"], *([k, 27.4 + k % 3] for k in range(9))]}
+    assert read(tmp_path, saved(sheets)).rate == pytest.approx(30.0)
+
+
+def test_a_long_sheet_is_read_to_its_end(tmp_path: Path) -> None:
+    rows = rows_of(joint_table.files(300)["joints.csv"])
+    assert len(read(tmp_path, saved({"a": rows})).times) == 300
+
+
+def test_cells_that_only_look_empty(tmp_path: Path) -> None:
+    """Bold ones above, beside and below the table, as they stay when their text is deleted."""
+    rows = rows_of(joint_table.files(FRAMES)["joints.csv"])
+    plain = read(tmp_path, saved({"a": rows}))
+    book = openpyxl.load_workbook(io.BytesIO(saved({"a": [[], *rows]})))
+    sheet = book["a"]
+    for row, column in ((1, 1), (15, 100), (FRAMES + 9, 3), (60_000, 1)):
+        sheet.cell(row, column).font = openpyxl.styles.Font(bold=True)
+    sheet.cell(18, 99).value = ""
+    buffer = io.BytesIO()
+    book.save(buffer)
+    clip = read(tmp_path, buffer.getvalue())
+    assert np.array_equal(clip.positions, plain.positions)
+    assert clip.provenance["reading"]["notes"] == plain.provenance["reading"]["notes"]
+
+
+def test_a_remark_beside_the_table(tmp_path: Path) -> None:
+    rows = [list(row) for row in rows_of(joint_table.files(FRAMES)["joints.csv"])]
+    rows[7] += [None, "he turned here"]
+    assert len(read(tmp_path, saved({"a": rows})).times) == FRAMES
+
+
+def test_errors_of_cells_are_missing_values(tmp_path: Path) -> None:
+    rows = [list(row) for row in rows_of(joint_table.files(FRAMES)["joints.csv"])]
+    head = rows[0].index("Head.x")
+    rows[6][head : head + 3] = ["#N/A", "#DIV/0!", "#VALUE!"]
+    clip = read(tmp_path, saved({"a": rows}))
+    assert np.isnan(clip.positions[:, clip.skeleton.names.index("head")]).any(axis=1).nonzero()[
+        0
+    ].tolist() == [5]
+
+
+def test_a_damaged_sheet_of_places_is_not_made_up_for_by_another(tmp_path: Path) -> None:
+    sheets = of_mvn()
+    rows = [list(row) for row in sheets["Segment Position"]]
+    rows[5][0] = "x"
+    with pytest.raises(CaptureError, match=r"sheet 'Segment Position', line 6: expected a time, found none"):
+        read(tmp_path, saved({**sheets, "Segment Position": rows}))
+
+
+@pytest.mark.parametrize("kept", ["Segment Velocity", "Segment Orientation - Euler"])
+def test_no_places_at_all(tmp_path: Path, kept: str) -> None:
+    sheets = {name: rows for name, rows in of_mvn().items() if name in ("General Information", kept)}
+    with pytest.raises(NotACaptureError, match=f"expected a sheet with positions of .* Information, {kept}"):
+        read(tmp_path, saved(sheets))
+
+
+def test_what_is_wrong_in_a_known_format_is_not_read_as_another(tmp_path: Path) -> None:
+    rows = [list(row) for row in rows_of(azure_csv.files(FRAMES)["azure_positions.csv"], ";")]
+    rows[6][rows[0].index("PELVIS (c)")] = 9
+    with pytest.raises(CaptureError, match="sheet 'a', line 7: expected a confidence"):
+        read(tmp_path, saved({"a": rows}))
+
+
+def test_the_other_half_of_a_pair_may_be_a_workbook_too(tmp_path: Path) -> None:
+    for name, content in azure_csv.files(FRAMES).items():
+        (tmp_path / name).with_suffix(".xlsx").write_bytes(saved({"a": rows_of(content, ";")}))
+    clip = recognise.read(tmp_path / "azure_positions.xlsx")
+    assert any("no file of orientations" in note for note in clip.provenance["reading"]["notes"])
+
+
 def test_the_message_names_the_sheet_and_the_row(tmp_path: Path) -> None:
     rows = [list(row) for row in rows_of(joint_table.files(FRAMES)["joints.csv"])]
     rows[9][0] = "later"
@@ -156,23 +233,28 @@ def test_the_message_names_the_sheet_and_the_row(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("sheets", "found"),
     [
-        ({"a": []}, "expected a workbook with a sheet that is a capture, found no sheets with cells"),
-        (
-            {"a": [["name", "age"]], "b": [[1, 2]]},
-            "found a, b; save the sheet with the joints' positions as CSV",
-        ),
+        ({"a": []}, "expected a workbook with a sheet that has cells, found none; save it as Excel Workbook"),
+        ({"a": [["name", "age"]], "b": [[1, 2]]}, "expected a sheet with positions .*, found a, b"),
         ({"a": [["name", "age"], [1, 2]]}, "sheet 'a': expected a capture, found"),
     ],
 )
 def test_workbooks_without_a_capture(tmp_path: Path, sheets: dict[str, Rows], found: str) -> None:
-    with pytest.raises(NotACaptureError, match=found):
+    with pytest.raises(CaptureError, match=found):
         read(tmp_path, saved(sheets))
 
 
 def test_parts_that_unpack_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     content = saved({"a": rows_of(joint_table.files(FRAMES)["joints.csv"])})
+    for part, limit in (("xl/sharedStrings.xml", "_MAX_SHARED"), ("xl/worksheets/sheet1.xml", "_MAX_PART")):
+        monkeypatch.setattr(workbook, limit, 50_000)
+        buffer = io.BytesIO(content)
+        with zipfile.ZipFile(buffer, "a") as archive:
+            archive.writestr("xl/sharedStrings.xml", b"<sst>" * 10_001)
+        with pytest.raises(CaptureError, match=f"at most 0 MB in {part}, unpacked, found 0"):
+            read(tmp_path, buffer.getvalue() if limit == "_MAX_SHARED" else content)
+        monkeypatch.undo()
     monkeypatch.setattr(workbook, "MAX_BYTES", 10_000)
-    with pytest.raises(CaptureError, match="expected a workbook of at most 0 MB, unpacked, found 0 MB"):
+    with pytest.raises(CaptureError, match="sheet 'a': expected at most 0 MB of text in a sheet, found more"):
         read(tmp_path, content)
     monkeypatch.undo()
     # A part that claims to be smaller than it is.
@@ -242,3 +324,15 @@ def test_a_description_is_drafted_for_a_sheet_and_read(
     clip = recognise.read(tmp_path / "walk.xlsx")
     assert clip.provenance["format"] == "custom table"
     assert clip.provenance["sidecar_files"].keys() == {"walk.toml"}
+
+
+def test_a_description_is_drafted_for_the_table_beside_other_sheets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header, *rows = rows_of(joint_table.files(FRAMES)["joints.csv"])
+    unknown = [[f"column {k}" for k in range(len(header))], *rows]
+    (tmp_path / "walk.xlsx").write_bytes(saved({"Info": [["Subject", "A"]], "Data": unknown}))
+    with pytest.raises(SystemExit) as ended:
+        main(["inspect", "--suggest", str(tmp_path / "walk.xlsx")])
+    assert ended.value.code == 0
+    assert "Draft for walk.xlsx" in capsys.readouterr().out
