@@ -25,6 +25,7 @@ from kinemimic.pipeline.readers.unreadable import unreadable
 from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
 from kinemimic.pipeline.readers.video.container import is_video
 from kinemimic.pipeline.readers.video.options import VideoOptions
+from kinemimic.pipeline.readers.workbook import FORMAT as WORKBOOK
 from kinemimic.pipeline.readers.workbook import Workbook, is_workbook
 
 # Tried in this order: formats with a header or a keyword first, tables of bare numbers last.
@@ -92,7 +93,7 @@ def readers() -> tuple[Reader, ...]:
 
 def formats() -> tuple[Format, ...]:
     """Every format that can be read."""
-    return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING, VIDEO)
+    return (*(reader.FORMAT for reader in readers()), WORKBOOK, DEPTH_RECORDING, VIDEO)
 
 
 def read(

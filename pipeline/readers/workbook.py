@@ -19,11 +19,19 @@ from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.readers.base.column_names import words_of
+from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import MAX_BYTES, Source
 from kinemimic.pipeline.readers.clocks.clock import is_rate
 from kinemimic.pipeline.readers.clocks.frame_rate import HIGHEST, LOWEST
 
+FORMAT = Format(
+    name="workbook of Excel",
+    sensor="that of the table",
+    holds="a table of another format in one of its sheets (the extra `excel`)",
+    recognised_by="a ZIP archive with xl/workbook.xml, and a sheet that is recognised",
+    binary=True,
+)
 Row = Sequence[Any]
 # The name of a part of every workbook, which is a ZIP archive; the texts that cells share are in the other.
 _PART, _SHARED = b"xl/workbook.xml", "sharedStrings.xml"
