@@ -69,8 +69,8 @@ def is_workbook(source: Source) -> bool:
 class Workbook:
     """The sheets of a workbook.
 
-    names: of the sheets with cells, in groups: of those that have places by their names, of others, and of
-    those that have something else by their names. Raises KinemimicError if openpyxl is not installed,
+    names: of the sheets with cells, in three groups: those that have places by their names, those whose names
+    do not say, and those that have something else by their names. Raises KinemimicError if openpyxl is not installed,
     CaptureError for a damaged or empty workbook, and one whose parts are too large.
     """
 
@@ -193,7 +193,8 @@ def _check_parts(source: Source) -> None:
 
 def _group(name: str) -> int:
     words = set(words_of(name))
-    return 0 if words & _PLACES else 2 if words & _OTHERS else 1
+    places, others = not words.isdisjoint(_PLACES), not words.isdisjoint(_OTHERS)
+    return 1 if places == others else 0 if places else 2
 
 
 def _text_of(cell: Any) -> str:
