@@ -70,8 +70,8 @@ class Workbook:
     """The sheets of a workbook.
 
     names: of the sheets with cells, in three groups: those that have places by their names, those whose names
-    do not say, and those that have something else by their names. Raises KinemimicError if openpyxl is not installed,
-    CaptureError for a damaged or empty workbook, and one whose parts are too large.
+    do not say, and those that have something else by their names. Raises KinemimicError if openpyxl is not
+    installed, CaptureError for a damaged or empty workbook, and one whose parts are too large.
     """
 
     def __init__(self, source: Source) -> None:
