@@ -153,28 +153,31 @@ def open_capture(path: Path, *, unit: str | None = None) -> Source:
     workbook = Workbook(source)
     *groups, others = workbook.names
     for names in groups if any(groups) else (others,):
-        found = [(name, *head) for name in names if (head := _recognised(workbook, name))]
+        found = [(name, *how) for name in names if (how := _recognised(workbook, name))]
         if found:  # if none of them can be read, the reader of the first says why
-            name, separator, _ = next((one for one in found if _is_readable(one[2])), found[0])
+            name, _, separator = next((one for one in found if one[1]), found[0])
             return workbook.sheet(name, separator)
     heads = {name: workbook.head(name, ",") for name in (list(chain(*groups)) or others)}
     name = max(heads, key=lambda one: len(heads[one].content))
     several = sum(map(len, workbook.names)) > 1
-    if several and heads[name].head[-1].count(",") < _FEWEST_CELLS:
+    if several and max((line.count(",") for line in heads[name].head), default=0) < _FEWEST_CELLS:
         listed = ", ".join(one[:40] for one in islice(chain(*workbook.names), 4))
         raise NotACaptureError(path, expected="a sheet with positions of joints or markers", found=listed)
     return workbook.sheet(name, ",")  # `reader_of` says what is wrong with it
 
 
-def _recognised(workbook: Workbook, name: str) -> tuple[str, Source] | None:
-    """The separator with which a sheet is recognised by the first of the readers, and its beginning; None if
-    it is not recognised at all."""
+def _recognised(workbook: Workbook, name: str) -> tuple[bool, str] | None:
+    """Whether the beginning of a sheet can be read, and the separator with which the first of the readers
+    recognises it; None if it is not recognised at all."""
     order, found = readers(), []
     for separator in _SEPARATORS_OF_CELLS:
         head = workbook.head(name, separator)
         if reader := _recognising(head):
-            found.append((order.index(reader), not _is_readable(head), separator, head))
-    return min(found, key=lambda one: one[:2])[2:] if found else None
+            found.append((order.index(reader), not _is_readable(head), separator))
+    if not found:
+        return None
+    _, damaged, separator = min(found)
+    return not damaged, separator
 
 
 def _is_readable(source: Source) -> bool:
@@ -221,7 +224,8 @@ def reader_of(source: Source) -> Reader:
 
 
 def _recognising(source: Source) -> Reader | None:
-    candidates = (reader for reader in readers() if reader.FORMAT.binary != source.is_text)
+    """The first reader that recognises the content; readers expect a line that is not blank."""
+    candidates = (reader for reader in readers() if source.head and reader.FORMAT.binary != source.is_text)
     return next((reader for reader in candidates if reader.recognises(source)), None)
 
 

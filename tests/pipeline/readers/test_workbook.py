@@ -236,6 +236,7 @@ def test_the_message_names_the_sheet_and_the_row(tmp_path: Path) -> None:
         ({"a": []}, "expected a workbook with a sheet that has cells, found none; save it as Excel Workbook"),
         ({"a": [["name", "age"]], "b": [[1, 2]]}, "expected a sheet with positions .*, found a, b"),
         ({"a": [["name", "age"], [1, 2]]}, "sheet 'a': expected a capture, found"),
+        ({"a": [["#N/A"]], "b": [*[[]] * 300, [1]]}, "expected a sheet with positions .*, found a, b"),
     ],
 )
 def test_workbooks_without_a_capture(tmp_path: Path, sheets: dict[str, Rows], found: str) -> None:
