@@ -45,17 +45,19 @@ class FoundAgain:
         return [Defect("renumbered_people", len(self.same), "numbers", "repaired", text)]
 
 
-def other_people(people: Sequence[Collection[int]], main_person: int) -> Iterator[Defect]:
+def other_people(
+    people: Sequence[Collection[int]], main_person: int, called: str | None = None
+) -> Iterator[Defect]:
     """A defect for the bodies beside the main person; people: the numbers of the bodies in each frame.
 
-    A body that is never seen together with the main person may be that person.
+    called: the main person in the file, where that is not the number. A body that is never seen together with the main person may be that person.
     """
     others = {body for bodies in people for body in bodies} - {main_person}
     if not others:
         return
     frames = [bodies for bodies in people if others.intersection(bodies)]
     seen_together = sum(main_person in bodies for bodies in frames)
-    text = f"{len(others)} more in {len(frames)} frames, dropped; body {main_person} is seen in most"
+    text = f"{len(others)} more in {len(frames)} frames, dropped; body {called or main_person} is seen in most"
     if seen_together:
         yield Defect("several_people", len(others), "people", "repaired", text)
     else:

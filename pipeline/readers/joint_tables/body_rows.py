@@ -90,7 +90,7 @@ def of_one_person(
     rows = by_column[clock].codes if clock != column else np.arange(len(people))
     for moment, person in zip(rows[seen].tolist(), people[seen].tolist(), strict=True):
         frames.setdefault(moment, set()).add(person)
-    others = other_people(list(frames.values()), main)
+    others = other_people(list(frames.values()), main, by_column[column].known[main])
     return source.with_text("\n".join(lines)), [*found.defects(), *others]
 
 

@@ -202,7 +202,7 @@ def test_of_several_people_the_one_seen_in_most_rows(long: bool, tmp_path: Path)
         for person, points in shown.items():
             if person == 2 and number > FRAMES / 2:
                 continue
-            moment = [float(1000 * time), person]
+            moment = [float(1000 * time), 100 + person]
             if long:
                 rows += [[*moment, NAMES[k], *map(float, points[k])] for k in range(len(NAMES))]
             else:
@@ -213,6 +213,7 @@ def test_of_several_people_the_one_seen_in_most_rows(long: bool, tmp_path: Path)
         assert np.degrees(np.abs(found - truth[name])).max() < 0.1
     (defect,) = recognise.read(tmp_path / "a.csv").provenance["reading"]["defects"]
     assert (defect["rule"], defect["count"]) == ("several_people", 1)
+    assert "body 101 is seen in most" in defect["text"]
 
 
 def test_one_person_among_rows_of_zeros_for_everybody_else(tmp_path: Path) -> None:
