@@ -15,7 +15,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(FROM),--from "$(FROM)") $
 
 # An editable install in strict mode links the package's files one by one: added or removed files require a
 # new install, edited files do not. The name of the stamp therefore has a digest of the list of files.
-FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*' -not -path 'datasets/versions/*'))
+FILES := $(sort $(shell find api pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*' -not -path 'datasets/versions/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
 # The native engine is compiled from Bullet's sources: BULLET=fetched (by name, version and hash) or BULLET=system (an

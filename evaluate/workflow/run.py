@@ -27,7 +27,7 @@ from kinemimic.pipeline.cli.options import (
     run_option,
 )
 from kinemimic.pipeline.cli.passed_on import passed_on, stage_options
-from kinemimic.pipeline.cli.progress import stage as running
+from kinemimic.pipeline.cli.progress import activity
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.options import ingest_options
@@ -150,7 +150,7 @@ def _invoke(name: str, arguments: list[str], flags: list[str], *, quiet: bool) -
     arguments = [*arguments, *flags, *(["--json"] if quiet else [])]
     with (
         redirect_stdout(io.StringIO()) if quiet or name == "evaluate" else nullcontext(),
-        running(name),
+        activity(name),
         command.make_context(name, arguments, parent=click.get_current_context(silent=True)) as context,
     ):
         command.invoke(context)

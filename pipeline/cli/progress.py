@@ -155,8 +155,8 @@ def progress(what: str, total: float, *, done: float = 0.0, unit: str = "") -> I
 
 
 @contextmanager
-def stage(what: str) -> Iterator[None]:
-    """Something long without a measure of its progress, whose name a log gets; bars within come first."""
+def activity(what: str) -> Iterator[None]:
+    """Name a long step whose progress cannot be measured, for the log; bars inside it take precedence."""
     if _callback.get() is not None or _json_requested():
         yield
         return

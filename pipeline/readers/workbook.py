@@ -33,10 +33,11 @@ FORMAT = Format(
     binary=True,
 )
 Row = Sequence[Any]
-# The name of a part of every workbook, which is a ZIP archive; the texts that cells share are in the other.
-_PART, _SHARED = b"xl/workbook.xml", "sharedStrings.xml"
-# Unpacked bytes of a part, which is read as a stream, and of the shared texts, which are in memory.
-_MAX_PART, _MAX_SHARED = 2 * 2**30, 128 * 2**20
+_PART = b"xl/workbook.xml"  # the name of a part of every workbook, which is a ZIP archive
+_TYPES = "[Content_Types].xml"  # the part that says what the others are
+_SHEET = "application/vnd.openxmlformats-officedocument.spreadsheetml.worksheet+xml"
+# Unpacked bytes of a sheet, which openpyxl reads as a stream, and of another part, which is in memory.
+_MAX_SHEET, _MAX_PART = 2 * 2**30, 128 * 2**20
 MAX_CELLS = 20_000_000  # of a sheet
 _MAX_SHEETS = 100
 _HEAD = 200  # rows that are enough to recognise a table
@@ -181,14 +182,25 @@ def _damage(source: Source) -> Iterator[None]:
 
 def _check_parts(source: Source) -> None:
     """CaptureError if a part claims to unpack to too much; zipfile reads no more than a part claims."""
+    from openpyxl.xml.functions import fromstring  # noqa: PLC0415 (an extra)
+
     with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
-        for part in archive.infolist():
-            most = _MAX_SHARED if part.filename.endswith(_SHARED) else _MAX_PART
-            if part.file_size > most:
-                raise source.error(
-                    expected=f"a workbook with at most {most >> 20:,} MB in {part.filename[:60]}, unpacked",
-                    found=f"{part.file_size >> 20:,}",
-                )
+        sizes = {part.filename: part.file_size for part in archive.infolist()}
+        _check_size(source, _TYPES, sizes[_TYPES], _MAX_PART)
+        declared = [dict(element.attrib) for element in fromstring(archive.read(_TYPES))]
+    types: dict[str, set[str]] = {}
+    for one in declared:
+        types.setdefault(one.get("PartName", "")[1:], set()).add(one.get("ContentType", ""))
+    for name, size in sizes.items():
+        _check_size(source, name, size, _MAX_SHEET if types.get(name) == {_SHEET} else _MAX_PART)
+
+
+def _check_size(source: Source, part: str, size: int, most: int) -> None:
+    if size > most:
+        raise source.error(
+            expected=f"a workbook with at most {most >> 20:,} MB in {part[:60]}, unpacked",
+            found=f"{size >> 20:,}",
+        )
 
 
 def _group(name: str) -> int:

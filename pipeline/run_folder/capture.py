@@ -34,7 +34,9 @@ def capture_files(capture: Path, sidecar_files: Iterable[str] = ()) -> dict[str,
 def sources_of(run: Path, capture: Path) -> dict[str, Path]:
     """The files that `ingest` of this capture depends on, as far as the last `ingest` found them."""
     entry = read_run_record(run).stages.get("ingest")
-    return capture_files(capture, entry.sources if entry is not None else ())
+    # Those of another capture say nothing about this one.
+    known = entry.sources if entry is not None and capture.name in entry.sources else ()
+    return capture_files(capture, known)
 
 
 def require_same_capture(run: Path, capture: Path) -> None:

@@ -97,6 +97,10 @@ def read_run_record(run: Path) -> Record:
     for name in _files(record):
         if not _inside(name):
             raise KinemimicError(f"{path}: expected files of this folder, found {name!r:.80}; {advice}")
+    for name in (one for entry in record.stages.values() for one in entry.sources):
+        # A capture's sidecar files may be in a folder beside its own.
+        if not _inside(name.removeprefix("../")):
+            raise KinemimicError(f"{path}: expected files beside a capture, found {name!r:.80}; {advice}")
     return record
 
 

@@ -10,9 +10,14 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from kinemimic.pipeline.arrays import Floats
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import atomic
+from kinemimic.pipeline.files.validation.bounded import require_regular
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.network import read_tensors
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.task.env import ACTIONS
+from kinemimic.train.task.observation import observation_size
 
 PUPILS = "joining.safetensors"
 PUPILS_SCHEMA = 1
@@ -31,15 +36,19 @@ def write_pupils(path: Path, identity: Mapping[str, str], pupils: Sequence[Polic
 
 
 def read_pupils(path: Path, identity: Mapping[str, str], config: TrainConfig) -> list[Policy]:
-    """Pupils in a file of the same joining; none if there is no such file."""
+    """Pupils in a file of the same joining; none if there is no such file, or a damaged one."""
     try:
+        require_regular(path, "pupils of a joining")
         with safe_open(path, "np") as file:
-            stored, wanted = file.metadata() or {}, {**identity, "schema": str(PUPILS_SCHEMA)}
-            if {name: stored.get(name) for name in wanted} != wanted:
-                return []
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
-        return [Policy.from_tensors(_of_round(tensors, k), config) for k in range(int(stored["rounds"]))]
-    except (FileNotFoundError, SafetensorError, KeyError, ValueError):
+            stored = file.metadata() or {}
+        wanted = {**identity, "schema": str(PUPILS_SCHEMA)}
+        if {name: stored.get(name) for name in wanted} != wanted:
+            return []
+        tensors = read_tensors(path, "pupils of a joining", "delete it")
+        pupils = [Policy.from_tensors(_of_round(tensors, k), config) for k in range(int(stored["rounds"]))]
+        sizes = observation_size(config.env), ACTIONS
+        return pupils if all(pupil.shape == sizes for pupil in pupils) else []
+    except (KinemimicError, OSError, SafetensorError, KeyError, ValueError):
         return []
 
 

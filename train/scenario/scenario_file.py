@@ -51,6 +51,7 @@ def _range(value: Any, scale: float = 1.0) -> Range:
 # A value, or the range that it is drawn from.
 _Drawn: TypeAlias = T | _FromTo[T]
 _Turn = Annotated[float, Meta(ge=-360.0, le=360.0)]  # degrees
+_Length = Annotated[float, Meta(ge=0.0, le=1000.0)]  # m, of a part of a route
 _Seconds = _Drawn[Annotated[float, Meta(ge=0.0, le=600.0)]]
 _Size = Annotated[float, Meta(ge=1e-2, le=100.0)]
 _Position = Annotated[
@@ -129,7 +130,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     about: str = ""
     seconds: Annotated[float, Meta(ge=0.1, le=600.0)] = 10.0
     phase: _Drawn[Annotated[float, Meta(ge=0.0, le=1.0)]] = _FromTo(0.0, 1.0)
-    route: Annotated[tuple[tuple[_Turn, _Turn], ...], _Items] = ()  # (m, degrees to the left)
+    route: Annotated[tuple[tuple[_Length, _Turn], ...], _Items] = ()  # (m, degrees to the left)
     ground: _Ground = _Ground()
     force: Annotated[tuple[_Force, ...], _Items] = ()
     torque: Annotated[tuple[_Torque, ...], _Items] = ()

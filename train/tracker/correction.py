@@ -15,12 +15,13 @@ import torch
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Floats
-from kinemimic.pipeline.cli.progress import progress, stage
+from kinemimic.pipeline.cli.progress import activity, progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import atomic, file_hash
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.pipeline.run_folder.stage import recovered, stage
 from kinemimic.retarget.library.library_file import MANIFEST, read_library
 from kinemimic.retarget.library.variants import SUBJECT as VARIANTS
 from kinemimic.train.config.config import TrainConfig
@@ -123,6 +124,7 @@ class _Correction:
         torch.set_num_threads(local_cores())
         state = self._state
         if state.over or state.rounds >= rounds:
+            shutil.rmtree(self._out / _PARTS, ignore_errors=True)
             return state.record
         before = self._evaluation(state.policy)
         while not state.over and state.rounds < rounds:
@@ -171,13 +173,13 @@ class _Correction:
                 self._tables, tables, self._weights, state.policy, self._config.env, self._engine, LESSONS,
                 seed, bar.advance,
             )  # fmt: skip
-        with stage("regression"):
+        with activity("regression"):
             learned = fitted(state.policy, observations, actions, seed, MINIBATCH)
         return _between(state.policy, learned, ADOPTED)
 
     def _evaluation(self, policy: Policy) -> list[Episode]:
         env, reward = self._config.measured_env, self._config.final_reward
-        with stage("evaluation"):
+        with activity("evaluation"):
             library = ReferenceLibrary.open(self._tables)
             return [
                 episode
@@ -219,11 +221,13 @@ class _Correction:
 
     def _write(self, state: _State, *, finished: bool) -> None:
         state.record["finished"] = finished
-        state.policy.save(self._out / POLICY, state.record)
+        with stage(self._out, "train", unfinished=not finished) as out:
+            state.policy.save(out / POLICY, state.record)
         shutil.rmtree(self._out / _PARTS)
 
     def _resumed(self, start: Path) -> _State | None:
         """The state after the rounds that an earlier call completed."""
+        recovered(self._out)
         path = self._out / POLICY
         if not path.exists():
             return None

@@ -22,8 +22,8 @@ from kinemimic.train.rollout.trajectory import Trajectory
 _DIGITS = 4
 
 
-def motion_scores(entry: Entry, trajectory: Trajectory) -> dict[str, Any]:
-    """Scores of the rollouts on one motion: a row of tracker_scores.json.
+def motion_scores(entry: Entry, trajectory: Trajectory, duration: float) -> dict[str, Any]:
+    """Scores of the rollouts on one motion of this duration (s): a row of tracker_scores.json.
 
     frames: before a fall, median over the start phases; of: frames of a rollout; phases: number of start
     phases without a fall; phases_of: number of start phases; succeeded: number of start phases from which
@@ -33,7 +33,7 @@ def motion_scores(entry: Entry, trajectory: Trajectory) -> dict[str, Any]:
     """
     survived, errors = survival(trajectory), tracking(trajectory)
     fits = fit(trajectory, trajectory.root.shape[1])["phases"]
-    speed = root_path(trajectory)["phases"]["speed_ratio"]
+    speed = root_path(trajectory, duration)["phases"]["speed_ratio"]
     spreads = errors["phases"]["all"]
     return {
         "name": entry.name,
@@ -112,4 +112,4 @@ def _score(task: tuple[Entry, Motion, Policy, EnvConfig, str]) -> dict[str, Any]
         frames=episode_frames(motion),
         engine=engine,
     )
-    return motion_scores(entry, trajectory)
+    return motion_scores(entry, trajectory, motion.duration)

@@ -50,14 +50,17 @@ def other_people(
 ) -> Iterator[Defect]:
     """A defect for the bodies beside the main person; people: the numbers of the bodies in each frame.
 
-    called: the main person in the file, where that is not the number. A body that is never seen together with the main person may be that person.
+    called: what the file calls the main person, where that is not the number. A body that is never seen
+    together with the main person may be that person.
     """
     others = {body for bodies in people for body in bodies} - {main_person}
     if not others:
         return
     frames = [bodies for bodies in people if others.intersection(bodies)]
     seen_together = sum(main_person in bodies for bodies in frames)
-    text = f"{len(others)} more in {len(frames)} frames, dropped; body {called or main_person} is seen in most"
+    text = (
+        f"{len(others)} more in {len(frames)} frames, dropped; body {called or main_person} is seen in most"
+    )
     if seen_together:
         yield Defect("several_people", len(others), "people", "repaired", text)
     else:

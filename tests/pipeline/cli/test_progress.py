@@ -13,7 +13,7 @@ import pytest
 
 from kinemimic.pipeline.cli import heartbeat as beats
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.cli.progress import Bars, bars, progress, reported_to, stage
+from kinemimic.pipeline.cli.progress import Bars, activity, bars, progress, reported_to
 from kinemimic.pipeline.cli.progress_state import PERCENT, ProgressState, minutes
 
 
@@ -143,7 +143,7 @@ def test_the_innermost_task_is_in_the_log(capsys: pytest.CaptureFixture[str], pu
         pulse.beat()
         return capsys.readouterr().err
 
-    with stage("ingest"):
+    with activity("ingest"):
         assert line() == "ingest: running for 15 s\n"
         with bars() as several:
             assert line() == ""  # nothing to say yet
@@ -190,7 +190,11 @@ def test_a_callback_gets_every_change_and_nothing_is_drawn(
     capsys: pytest.CaptureFixture[str], pulse: Pulse
 ) -> None:
     states: list[ProgressState] = []
-    with reported_to(states.append), stage("outer"), progress("train", 100, done=40, unit="samples") as bar:
+    with (
+        reported_to(states.append),
+        activity("outer"),
+        progress("train", 100, done=40, unit="samples") as bar,
+    ):
         bar.advance(10, reward=0.5)
         pulse.beat()
         bar.advance(50)

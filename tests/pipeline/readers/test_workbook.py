@@ -244,15 +244,32 @@ def test_workbooks_without_a_capture(tmp_path: Path, sheets: dict[str, Rows], fo
         read(tmp_path, saved(sheets))
 
 
+def replaced(content: bytes, parts: dict[str, bytes]) -> bytes:
+    """The workbook with other parts, in place of those that it has, or beside them."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(buffer, "w") as new:
+        for name, part in ({name: old.read(name) for name in old.namelist()} | parts).items():
+            new.writestr(name, part)
+    return buffer.getvalue()
+
+
 def test_parts_that_unpack_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     content = saved({"a": rows_of(joint_table.files(FRAMES)["joints.csv"])})
-    for part, limit in (("xl/sharedStrings.xml", "_MAX_SHARED"), ("xl/worksheets/sheet1.xml", "_MAX_PART")):
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        types = archive.read("[Content_Types].xml")
+    # A part with the name of a sheet that is declared to be something else.
+    lying = types.replace(b"worksheet+xml", b"sharedStrings+xml")
+    assert lying != types
+    for changed, part, limit in (
+        ({"xl/sharedStrings.xml": b"<sst>" * 10_001}, "xl/sharedStrings.xml", "_MAX_PART"),
+        ({"xl/texts.xml": b"<sst>" * 10_001}, "xl/texts.xml", "_MAX_PART"),
+        ({"[Content_Types].xml": lying}, "xl/worksheets/sheet1.xml", "_MAX_PART"),
+        ({"[Content_Types].xml": types.ljust(50_001)}, "[Content_Types].xml", "_MAX_PART"),
+        ({}, "xl/worksheets/sheet1.xml", "_MAX_SHEET"),
+    ):
         monkeypatch.setattr(workbook, limit, 50_000)
-        buffer = io.BytesIO(content)
-        with zipfile.ZipFile(buffer, "a") as archive:
-            archive.writestr("xl/sharedStrings.xml", b"<sst>" * 10_001)
-        with pytest.raises(CaptureError, match=f"at most 0 MB in {part}, unpacked, found 0"):
-            read(tmp_path, buffer.getvalue() if limit == "_MAX_SHARED" else content)
+        with pytest.raises(CaptureError, match=re.escape(f"at most 0 MB in {part}, unpacked, found 0")):
+            read(tmp_path, replaced(content, changed))
         monkeypatch.undo()
     monkeypatch.setattr(workbook, "MAX_BYTES", 10_000)
     with pytest.raises(CaptureError, match="sheet 'a': expected at most 0 MB of text in a sheet, found more"):

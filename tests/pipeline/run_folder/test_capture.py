@@ -14,6 +14,7 @@ from kinemimic.pipeline.run_folder.capture import (
     only_run,
     require_same_capture,
     run_flag,
+    sources_of,
 )
 from kinemimic.pipeline.run_folder.stage import stage
 
@@ -94,3 +95,24 @@ def test_advice_names_the_folder_unless_commands_take_it_by_default(
     assert run_flag(Path("runs/walk")) == run_flag(tmp_path / "runs" / "walk") == ""
     ingested(Path("runs/other"), walk)
     assert run_flag(Path("runs/walk")) == " --run runs/walk"
+
+
+def test_the_files_of_another_capture_are_not_looked_for_beside_this_one(walk: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "recording"
+    (recording / "depth").mkdir(parents=True)
+    (recording / "depth/0001.png").write_text("an image")
+    run = tmp_path / "run"
+    ingested(run, recording)
+    assert [*sources_of(run, recording)] == ["depth/0001.png"]
+    assert [*sources_of(run, walk)] == ["walk.bvh", "truth.parquet", "provenance.json"]
+
+
+@pytest.mark.parametrize("name", ["/etc/passwd", "../../secret", "../a/../../secret"])
+def test_sources_elsewhere_are_refused(name: str, walk: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    ingested(run, walk)
+    text = (run / "run.json").read_text()
+    assert '"walk.bvh"' in text
+    (run / "run.json").write_text(text.replace('"walk.bvh"', f'"{name}"'))
+    with pytest.raises(KinemimicError, match="expected files beside a capture, found"):
+        sources_of(run, walk)

@@ -53,3 +53,15 @@ def test_a_file_cut_off_is_not_used(tmp_path: Path, pupils: list[Policy]) -> Non
     whole = (tmp_path / PUPILS).read_bytes()
     (tmp_path / PUPILS).write_bytes(whole[: len(whole) // 2])
     assert read_pupils(tmp_path / PUPILS, IDENTITY, CONFIG) == []
+
+
+@pytest.mark.parametrize("changed", ["nan", "smaller"])
+def test_tensors_of_another_form_are_not_used(changed: str, tmp_path: Path, pupils: list[Policy]) -> None:
+    (weight, bias), last = pupils[1].layers
+    if changed == "nan":
+        wrong = replace(pupils[1], layers=((weight * np.float32(np.nan), bias), last))
+    else:
+        mean, scale = pupils[1].mean[1:], pupils[1].scale[1:]
+        wrong = replace(pupils[1], layers=((weight[:, 1:], bias), last), mean=mean, scale=scale)
+    write_pupils(tmp_path / PUPILS, IDENTITY, [pupils[0], wrong])
+    assert read_pupils(tmp_path / PUPILS, IDENTITY, CONFIG) == []

@@ -72,6 +72,8 @@ def test_every_key_is_read(tmp_path: Path) -> None:
     assert found.friction == Range((0.4,), (0.8,))
     assert found.route == ((2.0, 0.0), (3.0, math.radians(90.0)))
     assert found.slope == Range.of(0.0)
+    (length, _), *_ = read_scenario(written(tmp_path, WHOLE.replace("[2.0, 0.0]", "[400.0, 0.0]"))).route
+    assert length == 400.0
     force, torque = found.loads
     assert (force.body, force.at, force.lasts, force.growing) == ("torso", Range.of(1.0), Range.of(0.5), True)
     assert force.force == Range((10.0, 0.0, 0.0), (20.0, 5.0, 0.0))
@@ -124,6 +126,7 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("size = 0.4", "size = 0", r"key obstacle\[2\]\.size: expected a number from 0\.01"),
         ("count = 2", "count = 1000000", r"key obstacle\[1\]\.count: expected a whole number from 1 to"),
         ("[3.0, 90]", "[0.5, 90]", r"key route\[2\]: expected lengths of 0\.1 m or more, and bends"),
+        ("[3.0, 90]", "[2000, 90]", r"key route\[2\]\[1\]: expected a number from 0 to 1000"),
         ("[3.0, 90]", "3.0", r"key route\[2\]: expected 2 numbers"),
         ("slope = 0.0", "slope = 5.0", r"ground\.slope: expected 0 on a route"),
         ("mass = 1.0", "mass = 0.0", r"obstacle\[2\]\.mass: expected more than 0 kg for"),

@@ -96,6 +96,27 @@ def test_an_interrupted_round_goes_on_where_it_was(
     assert found.read_bytes() == expected.read_bytes()
 
 
+def test_a_process_killed_while_it_writes_a_round_does_not_repeat_it(
+    library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = correct_tracker(library, tmp_path / "whole", rounds=1, workers=1)
+    replaced = Path.replace
+
+    def killed(path: Path, target: Path) -> Path:
+        if target == tmp_path / "out/policy.safetensors":
+            raise KeyboardInterrupt
+        return replaced(path, target)
+
+    monkeypatch.setattr(Path, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        correct_tracker(library, tmp_path / "out", rounds=1, workers=1)
+    monkeypatch.setattr(Path, "replace", replaced)
+    assert (tmp_path / "out/policy.json").exists()
+    again = correct_tracker(library, tmp_path / "out", rounds=1, workers=1)
+    assert (again["samples"], again["corrections"]) == (whole["samples"], whole["corrections"])
+    assert not (tmp_path / "out/corrections").exists()
+
+
 def test_a_round_that_is_not_better_is_not_adopted(
     library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,8 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.trackers import entry
 
 from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
+from kinemimic.evaluate.scoring.metrics.library_scores import motion_scores
 from kinemimic.evaluate.scoring.metrics.scores import compose, root_path, survival, torque
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
@@ -168,6 +170,8 @@ def test_a_reference_that_hurried_is_no_excuse(performance, walk):
     assert root_path(hurried)["speed_ratio"] == pytest.approx(1.0)
     assert root_path(hurried, walk.duration)["speed_ratio"] == pytest.approx(1.1)
     assert root_path(hurried, walk.duration)["path_error_m"] == pytest.approx(0.0)
+    scores = motion_scores(entry("walk", "a", "test", walk), hurried, walk.duration)
+    assert scores["speed_ratio"] == pytest.approx(1.1)
 
 
 def test_speed_ratio_of_standing_is_not_defined(performance):
