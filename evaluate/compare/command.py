@@ -17,7 +17,7 @@ from kinemimic.evaluate.compare.cell import Cell, train_and_score
 from kinemimic.evaluate.compare.comparison import COMPARE_SCHEMA, Comparison
 from kinemimic.evaluate.compare.job_runner import side_by_side
 from kinemimic.evaluate.compare.ledger import Ledger, ProgressBars, exclusive
-from kinemimic.evaluate.compare.packed_cell import spread
+from kinemimic.evaluate.compare.packed_cell import train_cells_on
 from kinemimic.evaluate.compare.table import tables
 from kinemimic.evaluate.compare.task import Task, task_summary
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
@@ -100,7 +100,7 @@ def compare(
             else:
                 with cluster(ray):
                     executor = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
-                    spread(executor, ledger.unfinished(), watcher)
+                    train_cells_on(executor, ledger.unfinished(), watcher)
         except KeyboardInterrupt:
             ledger.write()
             raise KeyboardInterrupt(f"{out}: run the same command again to resume") from None

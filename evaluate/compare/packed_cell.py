@@ -52,7 +52,7 @@ def train_packed(packed: PackedCell) -> TrainedCell:
         return TrainedCell(read_folder(cell.folder), None)
 
 
-def spread(executor: Executor, cells: Sequence[Cell], listener: Listener[Cell]) -> None:
+def train_cells_on(executor: Executor, cells: Sequence[Cell], listener: Listener[Cell]) -> None:
     """Train and score cells on an executor; a cell that fails does not affect the others."""
 
     sent: list[Cell] = []

@@ -23,6 +23,7 @@ from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.files.stages import stage_named
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.kinematics.nodes import shows_feet
 from kinemimic.pipeline.locomotion.no_walk import why_no_walk
@@ -33,7 +34,7 @@ from kinemimic.train.rollout.trajectory import Trajectory
 
 # At least one of these is needed: a trajectory alone lacks the motion's body.
 SUBJECTS = ("quaternions.parquet", "motion.json")
-FILES = ("quaternions.parquet", "clip.parquet", "gait.json", "motion.json", "trajectory.npz")
+FILES = stage_named("gait").reads
 
 
 def gait(run: Path) -> dict[str, Any]:

@@ -66,7 +66,7 @@ def train_packed(packed: PackedRecipe) -> TrainedRecipe:
         return TrainedRecipe(read_folder(folder) if folder.exists() else {}, refused)
 
 
-def spread(
+def train_recipes_on(
     executor: Executor, recipes: Sequence[Recipe], sources: Sequence[Path | None], runs: Path, engine: str
 ) -> Iterator[tuple[Recipe, str | None]]:
     """Train recipes into their run folders below `runs`; (recipe, error in one line or None) as they finish.

@@ -14,7 +14,7 @@ import click
 from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, motion_summary
-from kinemimic.evaluate.workflow.packed_recipe import spread, stage_options
+from kinemimic.evaluate.workflow.packed_recipe import stage_options, train_recipes_on
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option, ray_option
@@ -178,7 +178,7 @@ def _on_nodes(
     failed: list[str] = []
     with cluster(ray):
         executor = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
-        for recipe, error in spread(executor, wanted, sources, runs, engine):
+        for recipe, error in train_recipes_on(executor, wanted, sources, runs, engine):
             refused = error
             if refused is None:
                 try:

@@ -23,8 +23,8 @@ _CHUNK = 65536
 _OK, _PARTIAL, _UNSATISFIABLE = 200, 206, 416
 _RETRYABLE = frozenset({408, 425, 429, 500, 502, 503, 504})
 _MAX_PAUSE = 60.0  # s, even if the server asks for more
-# Only a strong ETag guarantees identical bytes.
 _CREDENTIALS = re.compile(r"(?<=//)[^\s/]*@|(?<![^\s'\"])[^\s/:]+:[^\s/]*@")
+# Only a strong ETag guarantees identical bytes.
 _STRONG_ETAG = re.compile(r'"[\x21\x23-\x7e]{0,200}"')
 
 

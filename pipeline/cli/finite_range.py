@@ -9,7 +9,7 @@ import click
 
 
 class FiniteRange(click.FloatRange):
-    """As click.FloatRange, which takes nan for in range and inf for below no maximum; both are refused."""
+    """A `click.FloatRange` that also rejects NaN and infinity."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number; BadParameter, which names the option, for any other."""

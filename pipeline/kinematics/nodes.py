@@ -16,6 +16,7 @@ from kinemimic.pipeline.kinematics.joint_names import (
 )
 from kinemimic.pipeline.kinematics.proportions import complete
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, SIDES, TRACKED
+from kinemimic.pipeline.kinematics.vectors import median_distance
 
 # Metres; nodes nearer to each other have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
@@ -101,7 +102,7 @@ def joints_of(clip: Clip) -> dict[str, int]:
     for node, start in _BEYOND.items():
         if node in found and start in found:
             ends = (clip.positions[:, found[name]] for name in (start, node))
-            if _length(*ends) < _APART:
+            if median_distance(*ends) < _APART:
                 del found[node]
     return found
 
@@ -117,8 +118,8 @@ def _take_pelvis(clip: Clip, found: dict[str, int]) -> None:
         return
     hips = 0.5 * (clip.positions[:, found["hip_left"]] + clip.positions[:, found["hip_right"]])
     named = found.get("hip_center")
-    nearest = _PELVIS if named is None else _length(clip.positions[:, named], hips)
-    if _length(clip.positions[:, shared], hips) < nearest:
+    nearest = _PELVIS if named is None else median_distance(clip.positions[:, named], hips)
+    if median_distance(clip.positions[:, shared], hips) < nearest:
         found["hip_center"] = shared
 
 
@@ -144,7 +145,7 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
     names, parents = clip.skeleton.names, clip.skeleton.parents
 
     def distance(a: int, b: int) -> float:
-        return _length(clip.positions[:, a], clip.positions[:, b])
+        return median_distance(clip.positions[:, a], clip.positions[:, b])
 
     if "spine" in found and "hip_center" in found:
         hips = found["hip_center"]
@@ -167,10 +168,11 @@ def _lower_spine(clip: Clip, found: dict[str, int]) -> None:
     top = next((found[node] for node in ("shoulder_center", "head") if node in found), None)
     if top is None:
         return
-    trunk = _length(clip.positions[:, hips], clip.positions[:, top])
+    trunk = median_distance(clip.positions[:, hips], clip.positions[:, top])
 
     def height(joint: int) -> float:
-        return _length(clip.positions[:, hips], clip.positions[:, joint]) / trunk if trunk > 0.0 else np.inf
+        above = median_distance(clip.positions[:, hips], clip.positions[:, joint])
+        return above / trunk if trunk > 0.0 else np.inf
 
     lower = [
         joint for joint in _trunk(clip, found, hips) if _LOWER_TRUNK[0] <= height(joint) <= _LOWER_TRUNK[1]
@@ -179,16 +181,9 @@ def _lower_spine(clip: Clip, found: dict[str, int]) -> None:
         found["spine"] = min(lower, key=lambda joint: abs(height(joint) - 1.0 / 3.0))
 
 
-def _length(start: Array, end: Array) -> float:
-    """Median distance of two joints over the frames that show both; infinite without any."""
-    distance = np.linalg.norm(end - start, axis=-1)
-    seen = distance[np.isfinite(distance)]
-    return float(np.median(seen)) if len(seen) else np.inf
-
-
 def _check_lengths(positions: Array) -> None:
     for start, end, low, high in _SANE:
-        length = _length(positions[:, NODE_INDEX[start]], positions[:, NODE_INDEX[end]])
+        length = median_distance(positions[:, NODE_INDEX[start]], positions[:, NODE_INDEX[end]])
         if np.isfinite(length) and not low <= length <= high:
             raise KinemimicError(
                 f"expected {start} to {end} between {low} and {high} m, found a median of {length:.3f} m; "

@@ -22,3 +22,9 @@ def median(values: Array) -> float:
     """Median of the finite values; NaN without any."""
     seen = values[np.isfinite(values)]
     return float(np.median(seen)) if len(seen) else float("nan")
+
+
+def median_distance(one: Array, other: Array) -> float:
+    """Median distance of points (..., 3) over those that are finite in both; infinite if there are none."""
+    middle = median(np.linalg.norm(one - other, axis=-1))
+    return middle if np.isfinite(middle) else np.inf

@@ -8,11 +8,9 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.live.playout import Playout
-from kinemimic.pipeline.live.recogniser import Reading, Recogniser
+from kinemimic.pipeline.live.recogniser import NEEDED, Reading, Recogniser
 from kinemimic.pipeline.live.sides import Sides
 from kinemimic.pipeline.live.window import MIN_STEP, WINDOW, Window
 
@@ -23,7 +21,6 @@ FORGET = 0.5
 _PENDING = 64  # frames kept until the sender is recognised
 # Frames in a row that are too far apart, or too close, before the unit of their times is in doubt.
 _APART, _CLOSE = 10, 40
-_LEGS = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Moment:
     def shows_person(self) -> bool:
         """Whether both legs and the trunk are there."""
         p = self.positions[self.now]
-        return bool(np.isfinite(p[_LEGS]).all() and np.isfinite(p[N["shoulder_center"]]).all())
+        return bool(np.isfinite(p[NEEDED]).all())
 
 
 class LiveCapture:

@@ -24,6 +24,9 @@ from kinemimic.pipeline.quality.rules.length_units import UNITS, plausible_units
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
 from kinemimic.pipeline.readers.landmarks.joint_sets import JointSet
 
+# Nodes without which a frame says nothing about the walk.
+_LEGS = [f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle")]
+NEEDED = [N[name] for name in (*_LEGS, "shoulder_center")]
 FIRST = 10  # frames with both legs and a trunk, before anything is decided
 # The upward direction in the sender's axes -> rotation to ours.
 _TURNS: dict[tuple[int, int], Array] = {
@@ -96,8 +99,7 @@ class Recogniser:
             )
         if self.reading is None:
             positions, _ = on_nodes(frame, layout)
-            needed = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
-            if np.isfinite(positions[[*needed, N["shoulder_center"]]]).all():
+            if np.isfinite(positions[NEEDED]).all():
                 self._seen.append(positions)
             if len(self._seen) >= FIRST:
                 seen = np.array(self._seen)

@@ -39,8 +39,8 @@ def _files_below(folder: Path) -> Iterator[Path]:
 def files_to_read(capture: Path) -> dict[str, Path]:
     """Everything that reading a capture may open, by name; of a folder, by path in it.
 
-    More than is read in the end: what a format needs is known only once it is read. For who reads the capture
-    where its folder is not.
+    May list more than is read, since a reader knows what it needs only while reading. Used to send a capture
+    to another machine.
     """
     if capture.is_dir():
         return {str(file.relative_to(capture)): file for file in sorted(capture.rglob("*")) if file.is_file()}

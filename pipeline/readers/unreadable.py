@@ -21,34 +21,34 @@ _UNPACK = "unpack it first (gzip alone is read packed)"
 _AS_BVH = "export its motion as BVH, for example from Blender"
 _AS_CSV = "save the positions of the joints as CSV"
 _PASSWORD = "EncryptedPackage".encode("utf-16-le")
-_AS_WORKBOOK = "save it as a workbook of Excel (.xlsx), or its sheet as CSV"
+_AS_WORKBOOK = "save it as an Excel workbook (.xlsx), or its sheet as CSV"
 # The name of a part of every file of PyTorch, and bytes of the longest header of a numpy file that are read.
 _PICKLE_OF_TORCH, _NUMPY_HEADER = b"/data.pkl", 256
 _AS_ARRAYS = "save its arrays as .npz, in the layout of AMASS if it is a body model's motion"
 _VIDEO = "give the video itself to `kinemimic ingest`"
 # Bytes at a place of the file -> what it is.
 _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
-    (b"Kaydara FBX Binary", 0, Unreadable("a file of FBX", _AS_BVH)),
-    (b"glTF", 0, Unreadable("a file of glTF", _AS_BVH)),
-    (b"BLENDER", 0, Unreadable("a scene of Blender", _AS_BVH)),
-    (b"PXR-USDC", 0, Unreadable("a file of USD", _AS_BVH)),
-    (b"Vocaloid Motion Data", 0, Unreadable("a motion of MikuMikuDance", _AS_BVH)),
+    (b"Kaydara FBX Binary", 0, Unreadable("an FBX file", _AS_BVH)),
+    (b"glTF", 0, Unreadable("a glTF file", _AS_BVH)),
+    (b"BLENDER", 0, Unreadable("a Blender scene", _AS_BVH)),
+    (b"PXR-USDC", 0, Unreadable("a USD file", _AS_BVH)),
+    (b"Vocaloid Motion Data", 0, Unreadable("a MikuMikuDance motion", _AS_BVH)),
     (b"MATLAB 5.0 MAT-file", 0, Unreadable("a damaged MAT-file", _AS_CSV)),
     (b"\x89HDF\r\n", 512, Unreadable("a MAT-file of version 7.3", "save it with `save(…, '-v7')`")),
-    (b"\x89HDF\r\n", 0, Unreadable("a file of HDF5", _AS_CSV)),
-    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", 0, Unreadable("an old file of Office", _AS_WORKBOOK)),
+    (b"\x89HDF\r\n", 0, Unreadable("an HDF5 file", _AS_CSV)),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", 0, Unreadable("a legacy Office file", _AS_WORKBOOK)),
     (
         b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
         30,
-        Unreadable("a spreadsheet of OpenDocument", _AS_WORKBOOK),
+        Unreadable("an OpenDocument spreadsheet", _AS_WORKBOOK),
     ),
     (b"PK\x03\x04", 0, Unreadable("a ZIP archive", _UNPACK)),
     (b"7z\xbc\xaf\x27\x1c", 0, Unreadable("a 7z archive", _UNPACK)),
     (b"Rar!\x1a\x07", 0, Unreadable("a RAR archive", _UNPACK)),
     (b"ustar", 257, Unreadable("a tar archive", _UNPACK)),
-    (b"BZh", 0, Unreadable("a file packed by bzip2", _UNPACK)),
-    (b"\xfd7zXZ\x00", 0, Unreadable("a file packed by xz", _UNPACK)),
-    (b"\x28\xb5\x2f\xfd", 0, Unreadable("a file packed by Zstandard", _UNPACK)),
+    (b"BZh", 0, Unreadable("a bzip2 file", _UNPACK)),
+    (b"\xfd7zXZ\x00", 0, Unreadable("an xz file", _UNPACK)),
+    (b"\x28\xb5\x2f\xfd", 0, Unreadable("a Zstandard file", _UNPACK)),
     (
         b"\x93NUMPY",
         0,
@@ -60,11 +60,11 @@ _SIGNATURES: tuple[tuple[bytes, int, Unreadable], ...] = (
 )
 # Within the first lines of a text -> what it is.
 _TEXTS: tuple[tuple[str, Unreadable], ...] = (
-    ('"pose_keypoints_2d"', Unreadable("keypoints of OpenPose in 2D: they have no depth", _VIDEO)),
-    ("; FBX ", Unreadable("a file of FBX", _AS_BVH)),
-    ("#usda ", Unreadable("a file of USD", _AS_BVH)),
-    ("<COLLADA", Unreadable("a file of COLLADA", _AS_BVH)),
-    ("AnimationClip:", Unreadable("an animation of Unity", _AS_BVH)),
+    ('"pose_keypoints_2d"', Unreadable("OpenPose 2D keypoints: they have no depth", _VIDEO)),
+    ("; FBX ", Unreadable("an FBX file", _AS_BVH)),
+    ("#usda ", Unreadable("a USD file", _AS_BVH)),
+    ("<COLLADA", Unreadable("a COLLADA file", _AS_BVH)),
+    ("AnimationClip:", Unreadable("a Unity animation", _AS_BVH)),
 )
 _GLTF = ('"asset"', '"nodes"')
 # Arrays of a robot's joint angles, as simulators and their motion libraries name them.
@@ -87,7 +87,7 @@ def unreadable(source: Source) -> Unreadable | None:
     if _is_utf_16(source.content[:4096]):
         return Unreadable("text in UTF-16 without a byte-order mark", "save it as UTF-8")
     if _PASSWORD in source.content:
-        return Unreadable("a file of Office with a password", "save it without one")
+        return Unreadable("a password-protected Office file", "save it without one")
     known = (what for mark, at, what in _SIGNATURES if source.content[at : at + len(mark)] == mark)
     return _mat_file(list(heads(source))) if is_mat5(source) else next(known, None)
 
@@ -95,7 +95,7 @@ def unreadable(source: Source) -> Unreadable | None:
 def _text(head: str) -> Unreadable | None:
     """Of a text that begins so."""
     if all(word in head for word in _GLTF):
-        return Unreadable("a file of glTF", _AS_BVH)
+        return Unreadable("a glTF file", _AS_BVH)
     return next((what for mark, what in _TEXTS if mark in head), None)
 
 

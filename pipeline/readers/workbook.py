@@ -1,4 +1,4 @@
-"""Workbooks of Excel (.xlsx): each sheet as the text that it would be as CSV, for the readers of tables.
+"""Excel workbooks (.xlsx): each sheet as the text that it would be as CSV, for the readers of tables.
 
 Needs the library openpyxl (the extra `excel`).
 """
@@ -26,7 +26,7 @@ from kinemimic.pipeline.readers.clocks.clock import is_rate
 from kinemimic.pipeline.readers.clocks.frame_rate import HIGHEST, LOWEST
 
 FORMAT = Format(
-    name="workbook of Excel",
+    name="Excel workbook",
     sensor="that of the table",
     holds="a table of another format in one of its sheets (the extra `excel`)",
     recognised_by="a ZIP archive with xl/workbook.xml, and a sheet that is recognised",
@@ -78,7 +78,7 @@ class Workbook:
     def __init__(self, source: Source) -> None:
         if importlib.util.find_spec("openpyxl") is None:
             raise KinemimicError(
-                f"{source.path}: workbooks of Excel are read by openpyxl, which is not installed; "
+                f"{source.path}: Excel workbooks are read by openpyxl, which is not installed; "
                 "pip install 'kinemimic[excel]', or save the sheet as CSV"
             )
         self._source = source
@@ -177,7 +177,7 @@ def _damage(source: Source) -> Iterator[None]:
         raise
     except Exception as error:  # it trusts the parts of a workbook, so that damage raises anything
         what = " ".join(str(error).split())[:80] or type(error).__name__
-        raise source.error(expected="a whole workbook of Excel", found=f"damage ({what})") from None
+        raise source.error(expected="a whole Excel workbook", found=f"damage ({what})") from None
 
 
 def _check_parts(source: Source) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable
-from functools import cached_property
 from pathlib import Path
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -18,6 +17,7 @@ class FolderState:
     def __init__(self, run: Path, record: Record) -> None:
         self.run, self.record = run, record
         self._known: dict[str, str | None] = {}
+        self._sound: set[str] = set()
 
     def sha256(self, file: str) -> str | None:
         """SHA-256 of a file of the folder, None if there is none."""
@@ -53,10 +53,6 @@ class FolderState:
                     f"{self.run / file}: expected a file made from the present {name}, found one made from "
                     f"another {name}; run `{command(stage, self.run)}` again"
                 )
-
-    @cached_property
-    def _sound(self) -> set[str]:
-        return set()
 
 
 def command(stage: str, run: Path) -> str:

@@ -50,7 +50,8 @@ def stage(
 
     name: a command, or a command and what it was asked for ("disturb room"), each of which has its own files.
     sources: files from outside the folder that the result depends on. adds: files that an earlier call wrote
-    and this one does not are kept. unfinished: `run` is to run it again.
+    and this one does not are kept. unfinished: the stage does not count as up to date, so `run`
+    repeats it.
     KinemimicError, before the block, if another process uses the folder, or if files that the stage reads do
     not belong together. If the block raises, the folder is unchanged.
     """

@@ -284,12 +284,12 @@ def fit_loop(strides: PooledFrames, local: Array, period: float, *, leg: int) ->
     joints: dict[str, Series] = {}
     for name in NODES:
         joint = name.partition("_")[0]
-        if name in ("head", "hip_center", "spine", "shoulder_center"):
+        if joint in ("hand", "foot", "head"):
+            continue
+        if name in ("hip_center", "spine", "shoulder_center"):
             harmonics = TRUNK_HARMONICS
         else:
             harmonics = leg if joint in ("hip", "knee", "ankle") else ARM_HARMONICS
-        if joint in ("hand", "foot", "head"):
-            continue
         series = fit_joint(strides, local[:, NODE_INDEX[name]], name, harmonics)
         if series is not None:
             joints[name] = series

@@ -82,13 +82,13 @@ class Episode:
 class Evaluation:
     """Results after a number of samples and seconds of training.
 
-    strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: minima over all
-    episodes, and of: length of that with the fewest frames for its length; frames_first: of the first
-    episode; reward: mean of the episodes; robust_return: mean
-    reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
-    error as a share of its targets' variance, mean of the rounds since the last evaluation; completed: number
-    of the `episodes` without a fall, None in records of earlier versions; corrected: whether it is of a
-    corrected policy (`train/learning_control`).
+    strength: 0 to 1, of the domain randomization in training at that time; frames, of: of the episode that
+    stayed upright for the smallest share of its length, and that length; knee, hip: minima over all episodes;
+    frames_first: of the first episode; reward: mean of the episodes; robust_return: mean reward under domain
+    randomization, None where the strength is 0; critic_loss: the critic's mean squared error as a share of
+    its targets' variance, mean of the rounds since the last evaluation; completed: number of the `episodes`
+    without a fall, None in records of earlier versions; corrected: whether it is of a corrected policy
+    (`train/learning_control`).
     """
 
     samples: int

@@ -187,10 +187,10 @@ class SamplerActors:
             try:
                 self._admit(self._begin(seat))
                 if seat.states is not None:
-                    _found(self._call(seat, "set_env_states", (), (seat.states,)))
+                    _repeat(self._call(seat, "set_env_states", (), (seat.states,)))
                 for request in seat.later:
                     if request is not but_for and not _same(request, but_for):
-                        _found(self._call(seat, *request))
+                        _repeat(self._call(seat, *request))
             except _LOST as again:
                 loss = again
                 continue
@@ -206,8 +206,8 @@ def _same(request: tuple[str, Any, tuple[Any, ...]], other: tuple[str, Any, tupl
     return other is not None and request[1] is other[1]
 
 
-def _found(reference: Any) -> None:
-    """Wait for an answer that is known already; KinemimicError if it is one."""
+def _repeat(reference: Any) -> None:
+    """Wait for a repeated request and discard its answer; raise it if it is a KinemimicError."""
     found, _ = ray.get(reference)
     if isinstance(found, KinemimicError):
         raise found

@@ -43,7 +43,6 @@ class Route:
         self._points = np.stack([_integral(np.cos(self._heading)), _integral(np.sin(self._heading))], axis=-1)
         origin = round(-self._start / _STEP)
         self._points -= self._points[origin]
-        self._heading -= self._heading[0]
 
     def at(self, distance: Array) -> tuple[Array, Array, Array]:
         """Points (..., 2), headings (...) in rad and curvature (...) in rad/m at distances (...) along the

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.vectors import median_distance
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 _Body = TypeVar("_Body")
@@ -168,18 +169,11 @@ def _distance(moments: Array, places: Array, end: list[int], begin: list[int], s
     sizes = _size(places[end]), _size(places[begin])
     if not 0.0 < steps <= _LONGEST_LOSS or min(sizes) <= 0.0 or max(sizes) > _ALIKE * min(sizes):
         return np.inf
-    moved = _between(places[end[-1]], places[begin[0]])
+    moved = median_distance(places[end[-1]], places[begin[0]])
     passed = float(moments[end[-1]] - moments[end[0]])
     ways = places[end[-1]] - places[end[0]]
     ways = ways[np.isfinite(ways).all(axis=-1)]
     if passed > 0.0 and len(ways):
         ahead = places[end[-1]] + np.median(ways, axis=0) * (steps * step / passed)
-        moved = min(moved, _between(ahead, places[begin[0]]))
+        moved = min(moved, median_distance(ahead, places[begin[0]]))
     return moved / (min(sizes) * min(_NEAR + _NEAR_PER_STEP * steps, _FARTHEST))
-
-
-def _between(one: Array, other: Array) -> float:
-    """The median distance of the joints (J, 3) that are in both; infinite without any."""
-    distances = np.linalg.norm(one - other, axis=-1)
-    known = distances[np.isfinite(distances)]
-    return float(np.median(known)) if len(known) else np.inf

@@ -16,7 +16,7 @@ from peers.small_training import SMALL
 from kinemimic.evaluate.compare import command as module
 from kinemimic.evaluate.compare.cell import Cell
 from kinemimic.evaluate.compare.command import compare
-from kinemimic.evaluate.compare.packed_cell import TrainedCell, spread
+from kinemimic.evaluate.compare.packed_cell import TrainedCell, train_cells_on
 from kinemimic.evaluate.compare.task import Task
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
@@ -65,7 +65,7 @@ def test_a_cell_with_strange_files_fails_alone(walk: Motion, tmp_path: Path) -> 
     ]
     write_text(cells[1].folder / "motion.json", (other / "motion.json").read_text())
     heard = Hearing()
-    spread(Returning({"../../../../stolen": b"x"}, {"scores-1.json": b"{}"}), cells, heard)
+    train_cells_on(Returning({"../../../../stolen": b"x"}, {"scores-1.json": b"{}"}), cells, heard)
     found = heard.ended_with
     assert "expected names of files below it from another machine, found '../" in str(found[0])
     assert "expected results of the same motion, found another" in str(found[1])
@@ -101,7 +101,7 @@ def test_a_comparison_on_a_cluster_is_that_of_one_machine(
         assert (tmp_path / "there" / path).read_bytes() == (tmp_path / "here" / path).read_bytes()
     # Called again, nothing is trained: no executor is asked.
     monkeypatch.setattr(
-        module, "spread", lambda executor, cells, listener: pytest.fail(str(cells)) if cells else None
+        module, "train_cells_on", lambda executor, cells, listener: pytest.fail(str(cells)) if cells else None
     )
     monkeypatch.setattr(module, "RayExecutor", lambda **_: None)
     assert compared(run, tmp_path / "there", ray_nodes.cluster.address)["cells"] == there["cells"]

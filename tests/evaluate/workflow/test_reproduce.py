@@ -21,7 +21,7 @@ from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
 from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow import packed_recipe
 from kinemimic.evaluate.workflow import reproduce as module
-from kinemimic.evaluate.workflow.packed_recipe import TrainedRecipe, spread, stage_options
+from kinemimic.evaluate.workflow.packed_recipe import TrainedRecipe, stage_options, train_recipes_on
 from kinemimic.evaluate.workflow.reproduce import LARGEST, capture_of, command, publish, reproduce
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.errors import KinemimicError
@@ -217,7 +217,7 @@ def test_a_run_folder_that_cannot_be_written_does_not_end_the_others(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "walk/a")
 
     monkeypatch.setattr(packed_recipe, "write_files", full)
-    found = [*spread(There(), [WALK, RUN], [None, None], tmp_path, "native")]
+    found = [*train_recipes_on(There(), [WALK, RUN], [None, None], tmp_path, "native")]
     assert found == [(WALK, "walk/a: no space left on device"), (RUN, None)]
 
 

@@ -189,22 +189,22 @@ WALK = b"HIERARCHY " * 100
         (zipped(WALK), "a ZIP archive; unpack it first"),
         (
             bytes.fromhex("d0cf11e0a1b11ae1") + bytes(999),
-            "an old file of Office; save it as a workbook of Excel",
+            "a legacy Office file; save it as an Excel workbook",
         ),
         (
             bytes.fromhex("d0cf11e0a1b11ae1")
             + bytes(99)
             + "EncryptedPackage".encode("utf-16-le")
             + bytes(99),
-            "a file of Office with a password; save it without one",
+            "a password-protected Office file; save it without one",
         ),
         (
             zipped(b"application/vnd.oasis.opendocument.spreadsheet", "mimetype"),
-            "a spreadsheet of OpenDocument; save it as a workbook of Excel",
+            "an OpenDocument spreadsheet; save it as an Excel workbook",
         ),
         (tarred(WALK), "a tar archive; unpack it first"),
-        (b"Kaydara FBX Binary  \0\x1a\0" + bytes(99), "a file of FBX; export its motion as BVH"),
-        (b"glTF\x02\0\0\0" + bytes(99), "a file of glTF; export its motion as BVH"),
+        (b"Kaydara FBX Binary  \0\x1a\0" + bytes(99), "an FBX file; export its motion as BVH"),
+        (b"glTF\x02\0\0\0" + bytes(99), "a glTF file; export its motion as BVH"),
         (
             mat_file(angles=np.zeros((40, 7)), note="none"),
             "a MAT-file of angles, note; save the joints as one",
@@ -213,19 +213,19 @@ WALK = b"HIERARCHY " * 100
             b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(99),
             "a MAT-file of version 7.3; save it with `save",
         ),
-        (bz2.compress(WALK), "a file packed by bzip2; unpack it first"),
-        (lzma.compress(WALK), "a file packed by xz; unpack it first"),
+        (bz2.compress(WALK), "a bzip2 file; unpack it first"),
+        (lzma.compress(WALK), "an xz file; unpack it first"),
         (pickle.dumps({"poses": np.zeros((9, 72))}), "a Python pickle, which is not read because"),
         (WALK.decode().encode("utf-16-le"), "text in UTF-16 without a byte-order mark; save it as UTF-8"),
         (saved(np.zeros((9, 19, 3))), "a numpy array that is not of shape"),
         (archive(keypoints=np.zeros(3)), r"an \.npz archive of keypoints; an SMPL body's motion has trans"),
         (saved(np.array({"poses": 1})), "a numpy file of Python objects, which is not read because"),
         (zipped(WALK, "hmr4d_results/data.pkl"), "a file of PyTorch, which is not read because"),
-        (b'{"people":[{"pose_keypoints_2d":[100.0]}]}', "keypoints of OpenPose in 2D: they have no depth"),
+        (b'{"people":[{"pose_keypoints_2d":[100.0]}]}', "OpenPose 2D keypoints: they have no depth"),
         (archive(qpos=np.zeros((9, 36)), frequency=np.array(40.0)), "an .npz archive of .* a robot's joint"),
         (zlib.compress(pickle.dumps({"pose_aa": np.zeros((9, 72))})), "a Python pickle, which is not read"),
-        (b"; FBX 7.7.0 project file\n\nFBXHeaderExtension:  {\n", "a file of FBX; export its motion as BVH"),
-        (b'{"asset": {"version": "2.0"}, "nodes": []}', "a file of glTF; export its motion as BVH"),
+        (b"; FBX 7.7.0 project file\n\nFBXHeaderExtension:  {\n", "an FBX file; export its motion as BVH"),
+        (b'{"asset": {"version": "2.0"}, "nodes": []}', "a glTF file; export its motion as BVH"),
     ],
 )
 def test_what_is_not_read_and_what_to_do_about_it(tmp_path: Path, content: bytes, says: str) -> None:

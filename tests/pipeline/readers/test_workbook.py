@@ -1,4 +1,4 @@
-"""Workbooks of Excel: the same clip as from CSV, the right sheet of several, limits and damage."""
+"""Excel workbooks: the same clip as from CSV, the right sheet of several, limits and damage."""
 
 from __future__ import annotations
 
@@ -279,7 +279,7 @@ def test_parts_that_unpack_to_too_much(tmp_path: Path, monkeypatch: pytest.Monke
     size = max(part.file_size for part in zipfile.ZipFile(io.BytesIO(content)).infolist())
     lying = content.replace(size.to_bytes(4, "little"), (size // 2).to_bytes(4, "little"))
     assert lying != content
-    with pytest.raises(CaptureError, match="expected a whole workbook of Excel, found damage"):
+    with pytest.raises(CaptureError, match="expected a whole Excel workbook, found damage"):
         read(tmp_path, lying)
 
 
