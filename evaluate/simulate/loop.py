@@ -19,7 +19,7 @@ from kinemimic.evaluate.simulate.page.requests import (
     TogglePause,
     ToggleRecording,
 )
-from kinemimic.evaluate.simulate.session.frame import PAUSED, RECORDING, Frame
+from kinemimic.evaluate.simulate.session.frame import Frame, Status
 from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Enter, Ground, Input, checked, finite
 from kinemimic.evaluate.simulate.session.recording import Recorder, next_folder, replay_command
 from kinemimic.evaluate.simulate.session.session import Session
@@ -39,7 +39,7 @@ class PageView(Protocol):
 
     def draw(self, frame: Frame) -> None: ...
 
-    def show(self, frame: Frame, state: str) -> None: ...
+    def show(self, frame: Frame, status: Status) -> None: ...
 
     def tell(self, error: KinemimicError | str) -> None: ...
 
@@ -140,7 +140,7 @@ class Loop:
             self._end_recording()
         self._page.draw(frame)
         if frame.step % SHOW_INTERVAL == 0 or self.paused:
-            self._page.show(frame, self._state())
+            self._page.show(frame, self._status())
         return True
 
     def _rest(self, *, asked: bool) -> None:
@@ -151,7 +151,7 @@ class Loop:
             self._altered = False
             self._page.draw(self._frame)
         if self._frame is not None and (asked or self._idle % CONTROL_RATE == 0):
-            self._page.show(self._frame, self._state())
+            self._page.show(self._frame, self._status())
 
     def _take_inputs(self) -> bool:
         """Take the waiting inputs and requests; whether there were any."""
@@ -261,9 +261,9 @@ class Loop:
             self._page.tell(f"recorded: {replay_command(self.recorder.folder)}")
             self.recorder = None
 
-    def _state(self) -> str:
+    def _status(self) -> Status:
         performed, session = self._performed, self.session
-        doing = PAUSED if self.paused else "fallen" if self._frame and self._frame.fallen else "upright"
+        doing = "paused" if self.paused else "fallen" if self._frame and self._frame.fallen else "upright"
         lines = [
             f"**{performed.policy}** performs **{performed.motion}**: {doing}, "
             f"{plural(session.falls, 'fall')}, {session.step_count / CONTROL_RATE:.0f} s",
@@ -272,7 +272,7 @@ class Loop:
             *session.words(),
         ]
         if self.recorder is not None:
-            lines.insert(0, f"{RECORDING} `{self.recorder.folder}`")
+            lines.insert(0, f"● recording into `{self.recorder.folder}`")
         elif self.recorded:
             lines.append(f"recorded: `{replay_command(self.recorded[-1])}`")
-        return "\n\n".join(lines)
+        return Status("\n\n".join(lines), self.paused, self.recorder is not None)

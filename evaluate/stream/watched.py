@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import queue
 from collections import Counter
+from dataclasses import replace
 
 from kinemimic.evaluate.simulate.loop import PageView
 from kinemimic.evaluate.simulate.page.requests import Request
-from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.frame import Frame, Status
 from kinemimic.evaluate.simulate.session.inputs import Input
 from kinemimic.evaluate.simulate.session.live_session import LiveSession
 from kinemimic.evaluate.stream.source import Source
@@ -27,7 +28,7 @@ class NoPage:
     def draw(self, frame: Frame) -> None:
         """Nobody looks."""
 
-    def show(self, frame: Frame, state: str) -> None:
+    def show(self, frame: Frame, status: Status) -> None:
         """Nobody looks."""
 
     def tell(self, error: KinemimicError | str) -> None:
@@ -100,11 +101,12 @@ class Watched:
             if len(self.latencies) < _KEPT:
                 self.latencies.append(frame.shown.latency)
 
-    def show(self, frame: Frame, state: str) -> None:
+    def show(self, frame: Frame, status: Status) -> None:
         """Show numbers."""
         faults = self._source.faults
         refused = f"unreadable: {faults.refused}{_in_brackets(faults.last)}" if faults.refused else ""
-        self._page.show(frame, "\n\n".join(filter(None, (self.notice, state, refused))))
+        text = "\n\n".join(filter(None, (self.notice, status.text, refused)))
+        self._page.show(frame, replace(status, text=text))
 
     def tell(self, error: KinemimicError | str) -> None:
         """Pass on a message."""

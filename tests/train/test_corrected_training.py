@@ -116,7 +116,7 @@ def test_it_begins_and_ends_with_a_correction_within_the_budget(run: Path, motio
     start, trained = Moves.calls
     assert start == 0.0
     assert trained == pytest.approx(1.0, abs=0.5)
-    assert record["seconds_by"]["learning control"] >= 0.0
+    assert "learning control" in record["seconds_by"]
     # The same command has nothing left to do.
     assert stage.train(run, config=settings, workers=1)["samples"] == settings.budget
     assert len(Moves.calls) == 2

@@ -20,7 +20,7 @@ from kinemimic.evaluate.simulate.page.requests import (
     TogglePause,
     ToggleRecording,
 )
-from kinemimic.evaluate.simulate.session.frame import PAUSED, RECORDING, Frame
+from kinemimic.evaluate.simulate.session.frame import Frame, Status
 from kinemimic.evaluate.simulate.session.inputs import (
     Carry,
     Clear,
@@ -306,11 +306,11 @@ class Controls:
             row += [np.degrees(frame.wanted[angle]), np.degrees(frame.angles[angle])]
         self._rows.append(tuple(row))
 
-    def show(self, frame: Frame, state: str) -> None:
+    def show(self, frame: Frame, status: Status) -> None:
         """Numbers and curves; a few times a second."""
-        self.status.content = state
-        _label(self._pause, "Resume" if f": {PAUSED}," in state else "Pause")
-        _label(self._recorder, "Stop recording" if RECORDING in state else "Record")
+        self.status.content = status.text
+        _label(self._pause, "Resume" if status.paused else "Pause")
+        _label(self._recorder, "Stop recording" if status.recording else "Record")
         rows = np.array(self._rows)
         if len(rows) > 1:
             for k, plot in enumerate(self._plots.values()):

@@ -22,7 +22,7 @@ from kinemimic.evaluate.simulate.page.controls import Actions, Choices, Controls
 from kinemimic.evaluate.simulate.page.guard import HOST, Guard, free_port, guarded, never_share
 from kinemimic.evaluate.simulate.page.requests import Request
 from kinemimic.evaluate.simulate.page.stage import Stage
-from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.frame import Frame, Status
 from kinemimic.evaluate.simulate.session.inputs import Drag, Input, Release, finite
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
@@ -177,9 +177,9 @@ class Page:
         self.controls.take(frame)
         self._stage.draw(frame)
 
-    def show(self, frame: Frame, state: str) -> None:
+    def show(self, frame: Frame, status: Status) -> None:
         """Show numbers and curves."""
-        self.controls.show(frame, state)
+        self.controls.show(frame, status)
 
     def tell(self, error: KinemimicError | str) -> None:
         """A message for all viewers."""

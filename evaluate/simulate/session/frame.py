@@ -15,8 +15,14 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.live.capture import LAG
 from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Obstacle
 
-# Parts of the state line on the page, from which its buttons take their labels (`Controls.show`).
-PAUSED, RECORDING = "paused", "● recording into"
+
+@dataclass(frozen=True)
+class Status:
+    """What a page says about its session: text (Markdown), and which of its buttons are on."""
+
+    text: str
+    paused: bool = False
+    recording: bool = False
 
 
 @dataclass(frozen=True)

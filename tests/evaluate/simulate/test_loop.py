@@ -23,7 +23,7 @@ from kinemimic.evaluate.simulate.page.requests import (
     ToggleRecording,
 )
 from kinemimic.evaluate.simulate.repertoire import Repertoire
-from kinemimic.evaluate.simulate.session.frame import Frame
+from kinemimic.evaluate.simulate.session.frame import Frame, Status
 from kinemimic.evaluate.simulate.session.inputs import (
     Carry,
     Drag,
@@ -55,8 +55,8 @@ class Page:
     def draw(self, frame: Frame) -> None:
         self.frames.append(frame)
 
-    def show(self, frame: Frame, state: str) -> None:
-        self.states.append(state)
+    def show(self, frame: Frame, status: Status) -> None:
+        self.states.append(status.text)
 
     def tell(self, error: KinemimicError | str) -> None:
         self.said.append(str(error))
@@ -259,7 +259,7 @@ def test_a_recording_begins_with_what_the_sliders_show(loop: Loop, page: Page) -
     assert page.frames[-1].step == 1
     assert page.frames[-1].tilt.any()
     assert page.said[1:] == [f"recorded: kinemimic evaluate --run {loop.recorded[0]}"]
-    loop._page.show(page.frames[-1], loop._state())
+    loop._page.show(page.frames[-1], loop._status())
     assert f"kinemimic evaluate --run {loop.recorded[0]}" in page.states[-1]
 
 

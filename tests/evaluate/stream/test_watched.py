@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.simulate.session.frame import LiveView
+from kinemimic.evaluate.simulate.session.frame import LiveView, Status
 from kinemimic.evaluate.stream.source import Faults
 from kinemimic.evaluate.stream.watched import NoPage, Watched
 
@@ -19,8 +19,8 @@ class Page(NoPage):
         super().__init__()
         self.words = ""
 
-    def show(self, frame: Any, state: str) -> None:
-        self.words = state
+    def show(self, frame: Any, status: Status) -> None:
+        self.words = status.text
 
 
 def session(frames: int, *, reading: object = None, refused: int = 0) -> Any:
@@ -48,14 +48,14 @@ def test_page_and_terminal_say_why_frames_are_refused() -> None:
     faults, page = Faults(), Page()
     watched = Watched(page, SimpleNamespace(faults=faults))  # type: ignore[arg-type]
     watched.begin(session(1, refused=2))
-    watched.show(None, "waiting for frames")  # type: ignore[arg-type]
+    watched.show(None, Status("waiting for frames"))  # type: ignore[arg-type]
     assert page.words == "waiting for frames"
     faults.note("refused: lists that do not fit together", "found 17 joints")
-    watched.show(None, "waiting for frames")  # type: ignore[arg-type]
+    watched.show(None, Status("waiting for frames"))  # type: ignore[arg-type]
     assert page.words == "waiting for frames\n\nunreadable: 1 (last: found 17 joints)"
     assert watched.words() == "1 frame, 3 refused (last: found 17 joints), 150 ms behind"
     watched.notice = "the end"
-    watched.show(None, "upright")  # type: ignore[arg-type]
+    watched.show(None, Status("upright"))  # type: ignore[arg-type]
     assert page.words.startswith("the end\n\nupright")
 
 

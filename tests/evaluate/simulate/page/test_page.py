@@ -18,7 +18,7 @@ from kinemimic.evaluate.simulate.page.controls import Choices
 from kinemimic.evaluate.simulate.page.guard import HOST, free_port
 from kinemimic.evaluate.simulate.page.page import Page
 from kinemimic.evaluate.simulate.page.requests import Choose, Redraw
-from kinemimic.evaluate.simulate.session.frame import PAUSED, RECORDING
+from kinemimic.evaluate.simulate.session.frame import Status
 from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Enter, Push, Release
 from kinemimic.evaluate.simulate.session.recording import begin_session
 from kinemimic.pipeline.errors import KinemimicError
@@ -158,9 +158,10 @@ def test_buttons_say_what_a_click_does_and_curves_begin_again(panel: Panel) -> N
     for step in (5, 6, 6):
         controls.take(frame(step))
     assert panel.curve_times() == pytest.approx([5 / 30, 6 / 30])
-    controls.show(frame(6), f"{RECORDING} here\n\n**a** performs **b**: {PAUSED}, 0 falls")
+    controls.show(frame(6), Status("0 falls", paused=True, recording=True))
     assert panel.labels() == ("Resume", "Stop recording")
-    controls.show(frame(6), "**a** performs **b**: upright, 0 falls")
+    controls.show(frame(6), Status("1 fall"))
+    assert controls.status.content == "1 fall"
     assert panel.labels() == ("Pause", "Record")
     controls.take(frame(1))
     assert len(panel.curve_times()) == 1
