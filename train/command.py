@@ -37,7 +37,7 @@ from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
 from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.scenario.scenario import Scenario
-from kinemimic.train.scenario.scenario_file import scenario as read
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.settings import Settings, settings_for
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
@@ -297,7 +297,7 @@ def command(
         engine=engine,
         resume=resume,
         anyway=anyway,
-        scenario=None if named is None else read(named),
+        scenario=None if named is None else find_scenario(named),
         start=start,
         ray=ray,
     )

@@ -17,7 +17,7 @@ from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.scenario.scenario import Scenario
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 _IN = "@"
 
@@ -35,7 +35,7 @@ class Task:
         run, _, named = text.rpartition(_IN)
         if not run or Path(text).is_dir():
             return cls(Path(text))
-        return cls(Path(run), scenario(named))
+        return cls(Path(run), find_scenario(named))
 
     @property
     def name(self) -> str:

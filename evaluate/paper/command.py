@@ -39,7 +39,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
 from kinemimic.pipeline.parallel.cluster import cluster
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 
@@ -117,7 +117,7 @@ def _contests(
     parts: _Parts, cast: Cast, trials: int, options: Mapping[str, Any], advance: Callable[[float], object]
 ) -> list[dict[str, Any]]:
     """Rows of `head_to_head`, from the trials of every policy in its scenarios."""
-    scenarios = {name: scenario(name) for name in SCENARIOS}
+    scenarios = {name: find_scenario(name) for name in SCENARIOS}
     entries = []
     for name, policies in cast.items():
         faced = [scenarios[one] for one in SCENARIOS if name in policies_in(one, cast)]
@@ -136,7 +136,7 @@ def _walks(
     parts: _Parts, cast: Cast, walks: int, options: Mapping[str, Any], advance: Callable[[float], object]
 ) -> Any:
     """Rows of `rooms`, from the walks of every policy through random rooms."""
-    room, theirs = scenario(ROOM), [cast[one] for one in policies_in(ROOM, cast)]
+    room, theirs = find_scenario(ROOM), [cast[one] for one in policies_in(ROOM, cast)]
     return parts.kept(
         ROOM,
         theirs,

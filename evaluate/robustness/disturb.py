@@ -26,7 +26,7 @@ from kinemimic.pipeline.run_folder.stage import reading, stage
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import POLICY, load_trained, training_summary
 from kinemimic.train.scenario.scenario import Scenario
-from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
+from kinemimic.train.scenario.scenario_file import find_scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 
@@ -150,7 +150,7 @@ def command(
       kinemimic disturb mine.toml --run runs/walk --trials 500
     """
     if not scenarios:
-        descriptions = {name: scenario(name).about for name in shipped_scenarios()}
+        descriptions = {name: find_scenario(name).about for name in shipped_scenarios()}
         if as_json:
             click.echo(json.dumps(descriptions, indent=2))
         else:
@@ -160,7 +160,7 @@ def command(
     say(unfinished_policy(run))
     results = disturb(
         run,
-        [scenario(one) for one in scenarios],
+        [find_scenario(one) for one in scenarios],
         trials=trials,
         seed=seed,
         workers=workers,

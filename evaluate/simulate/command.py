@@ -15,7 +15,7 @@ from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.rollout.policy import POLICY, is_tracker, read_record
-from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
+from kinemimic.train.scenario.scenario_file import find_scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option
 
@@ -57,7 +57,12 @@ def simulate(
 
     def opened(chosen: Performance) -> Session:
         return begin_session(
-            chosen.run, engine, restart=restart, speed=chosen.speed, companions=humanoids - 1, named=scenario
+            chosen.run,
+            engine,
+            restart=restart,
+            speed=chosen.speed,
+            companions=humanoids - 1,
+            named=find_scenario,
         )
 
     choices = Choices(

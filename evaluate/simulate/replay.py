@@ -19,7 +19,7 @@ from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.body import FEET, node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.world import Obstacle
 
 REPLAY = "session.rrd"
@@ -32,7 +32,7 @@ def replay_session(folder: Path) -> dict[str, Any]:
     ten seconds, None if too short. KinemimicError for a damaged recording, and where a state or the score
     differs from the recorded one in any bit.
     """
-    replay = Replay(folder, named=scenario)
+    replay = Replay(folder, named=find_scenario)
     frames = list(replay)
     if not frames:
         raise KinemimicError(f"{folder}: expected a session with control steps, found none")

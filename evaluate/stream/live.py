@@ -20,7 +20,7 @@ from kinemimic.evaluate.stream.source import Source
 from kinemimic.evaluate.stream.watched import NoPage, Watched
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SOURCE = "live capture"  # its name among the motions of the page
@@ -54,7 +54,7 @@ def stream(
     clock = clock or Clock(CONTROL_RATE, sleep=lambda _: None)
 
     def opened(performed: Performance) -> LiveSession:
-        session = begin_live_session(performed.run, engine, settings, named=scenario)
+        session = begin_live_session(performed.run, engine, settings, named=find_scenario)
         watched.begin(session)
         return session
 

@@ -54,7 +54,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import load_trained
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Scenario
-from kinemimic.train.scenario.scenario_file import scenario as read
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 ROLLOUT = 0  # from phase 0
 AT, SECONDS = 4.0, 10.0  # default time of the screenshot and maximum duration of the video, s
@@ -258,7 +258,9 @@ def command(
       kinemimic view --policy walk --scenario room --trial 3
     """
     say(unfinished_rollouts(run) if named is None else unfinished_policy(run))
-    recording, scene = _record(run) if named is None else _record_trial(run, read(named), number, seed)
+    recording, scene = (
+        _record(run) if named is None else _record_trial(run, find_scenario(named), number, seed)
+    )
     if picture is not None:
         # Import cost: the viewer's client.
         from kinemimic.evaluate.view.screenshot import screenshot  # noqa: PLC0415

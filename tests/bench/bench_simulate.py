@@ -39,7 +39,7 @@ from kinemimic.pipeline.parallel.worker import worker_environment
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import load_trained
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.engines import open_world, resolve
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
@@ -83,8 +83,8 @@ def watched(run: Path, humanoids: int = 1) -> Watched:
     motion, policy, record = load_trained(run)
     env = TrainConfig.from_json(record["config"]).measured_env
     if humanoids == 1:
-        return Watched(motion, policy, env, resolve("auto"), scenario_named=scenario)
-    return WatchedGroup(motion, policy, env, resolve("auto"), humanoids - 1, scenario_named=scenario)
+        return Watched(motion, policy, env, resolve("auto"), scenario_named=find_scenario)
+    return WatchedGroup(motion, policy, env, resolve("auto"), humanoids - 1, scenario_named=find_scenario)
 
 
 def serve(pipe: Connection, run: Path, seconds: float, core: int, humanoids: int) -> None:

@@ -35,7 +35,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.rollout import collect_here
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -103,7 +103,7 @@ def live(path: Path, engine: str) -> tuple[Followed, Array, Array]:
     """The tracker behind the capture as it comes; latencies and processor time of the control steps, s."""
     source = CaptureFile(path)
     session = begin_live_session(
-        tracker_path("tracker").parent, engine, LiveSettings(place=True), restart=False, named=scenario
+        tracker_path("tracker").parent, engine, LiveSettings(place=True), restart=False, named=find_scenario
     )
     frames, spent = [], []
     began = time.process_time()

@@ -55,7 +55,7 @@ from kinemimic.evaluate.stream.command import prepare
 from kinemimic.evaluate.stream.live import SOURCE, stream
 from kinemimic.evaluate.stream.sockets import Udp
 from kinemimic.pipeline.parallel.worker import worker_environment
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -239,7 +239,7 @@ def killed(seconds: float) -> None:
         process.send_signal(signal.SIGKILL)
         lasted = time.time() - begun
         process.wait()
-        steps = sum(1 for _ in Replay(recorded, named=scenario))
+        steps = sum(1 for _ in Replay(recorded, named=find_scenario))
     print(f"killed {lasted:.2f} s after its recording began: {steps / CONTROL_RATE:.2f} s can be replayed")
 
 

@@ -15,7 +15,7 @@ from kinemimic.evaluate.simulate.session.recording import begin_live_session
 from kinemimic.evaluate.stream.files import CaptureFile
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.rollout.tracker_file import tracker_path
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SHARED = Path(os.environ.get("KINEMIMIC_CAPTURES", Path(__file__).parents[3] / "shared" / "captures"))
@@ -37,7 +37,7 @@ def follow(
     """The control steps in which a person is followed; a humanoid that has fallen lies for two seconds and is
     put back onto its reference. changed: alters the session before it begins."""
     source = CaptureFile(path)
-    session = begin_live_session(tracker_path("tracker").parent, engine, settings, named=scenario)
+    session = begin_live_session(tracker_path("tracker").parent, engine, settings, named=find_scenario)
     if changed is not None:
         changed(session)
     frames = played(source, session, min(source.seconds, SECONDS))

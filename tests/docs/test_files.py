@@ -26,7 +26,7 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.versions.params import Capture, Params
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 JSON = (
     "quality.json", "gimbal.json", "orientation.json", "motion.json", "gait.json", "policy.json",
@@ -41,7 +41,7 @@ def run(workshop: Path) -> Path:
     """The workshop's run, with the files of the commands outside `run`."""
     folder = workshop / "runs/walk"
     pushes(folder, phases=1)
-    disturb(folder, [scenario("slippery")], trials=1)
+    disturb(folder, [find_scenario("slippery")], trials=1)
     gait(folder)
     return folder
 

@@ -13,7 +13,7 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.presets import PRESETS
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from peers.constant import constant
 
 BUDGET = 131_072
@@ -37,7 +37,7 @@ def write_comparison(
         named = task.partition("@")[2]
         tasks[task] = {
             "identity": read_motion_json(folder / task / "motion.json").identity,
-            "scenario_identity": scenario_identity(scenario(named)) if named else None,
+            "scenario_identity": scenario_identity(find_scenario(named)) if named else None,
         }
         for variant in variants:
             for seed, value in enumerate(returns):

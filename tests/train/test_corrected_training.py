@@ -22,7 +22,7 @@ from kinemimic.train.learning_control.corrector import Correctable, correction_s
 from kinemimic.train.rollout.evaluation import Evaluation, best, fit
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import training_loop
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.settings import settings_for
 
 # The goal is out of reach.
@@ -201,7 +201,7 @@ def test_there_is_none_where_it_does_not_apply(motion: Motion) -> None:
     settings = config(motion)
     assert settings_for(motion, config=settings).reserved > 0
     once = replace(motion, cyclic=False)
-    in_scenario = replace(settings, env=replace(settings.env, scenario=scenario("slopes")))
+    in_scenario = replace(settings, env=replace(settings.env, scenario=find_scenario("slopes")))
     for other, imitated in (
         (replace(settings, budget=settings.budget - 2 * ROUND), motion),
         (settings, once),

@@ -13,7 +13,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.settings import LEAST, settings_for
 from kinemimic.train.task.observation import observation_size
 
@@ -76,7 +76,7 @@ def test_a_budget_of_the_user_is_kept(motion: Motion) -> None:
 
 
 def test_a_scenario_replaces_that_of_the_settings(motion: Motion) -> None:
-    slopes, slippery = scenario("slopes"), scenario("slippery")
+    slopes, slippery = find_scenario("slopes"), find_scenario("slippery")
     on_slopes = settings_for(motion, scenario=slopes).config
     assert on_slopes.env.scenario == slopes
     assert settings_for(motion, config=on_slopes, scenario=slippery).config.env.scenario == slippery
@@ -88,7 +88,7 @@ def test_recoveries_are_left_out_where_they_do_not_apply(motion: Motion) -> None
     assert settings_for(motion, start="tracker").config.recovery is None
     for other in (
         settings_for(motion, config=robust, budget=LEAST - 1),
-        settings_for(motion, config=robust, scenario=scenario("slopes")),
+        settings_for(motion, config=robust, scenario=find_scenario("slopes")),
         settings_for(replace(motion, cyclic=False), config=robust),
     ):
         assert other.config == replace(

@@ -160,7 +160,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
             raise RecordError("ground", "slope", expected=expected, found="a slope", advice="give it mass 0")
 
 
-def scenario(named: str) -> Scenario:
+def find_scenario(named: str) -> Scenario:
     """A shipped scenario by name, or one from a file by path (with a "/" or ending in ".toml").
 
     KinemimicError, in one line, names the shipped scenarios, or the key of the first mistake.

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from kinemimic.evaluate.compare.comparison import Comparison, TrainedPolicy
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.train.rollout.policy import load_trained
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
 PPO = "PPO"
@@ -58,7 +58,7 @@ def compared_policies(comparison: Comparison) -> dict[str, list[TrainedPolicy]]:
     for task, variants in trained.items():
         for baseline in BASELINES.keys() & variants:
             comparison.shared(task, VARIANTS[PPO], VARIANTS[baseline])
-    comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
+    comparison.expect_scenario(OBSTACLES, find_scenario(SEVERAL))
     walkers = {name: comparison.policies(WALK, variant, name) for name, variant in trained[WALK].items()}
     among = {
         f"{name}{AMONG}": comparison.policies(OBSTACLES, variant, f"{name}{AMONG}")

@@ -28,7 +28,7 @@ from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.train.config.config import TrainConfig, scheduled_at
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 Row = Mapping[str, Any]
 _DISTURBANCES = (
@@ -88,7 +88,7 @@ def _settings_of(comparison: Comparison) -> list[str]:
 def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> dict[str, Any]:
     """Fig. 9 to 11, and a row for each scenario and policy."""
     samples = dict.fromkeys(f"{row['policy']} {row['kept']:,} of {row['samples']:,}" for row in contests)
-    abouts = {name: scenario(name).about for name in SCENARIOS}
+    abouts = {name: find_scenario(name).about for name in SCENARIOS}
     panels = [
         {
             "number": name[3:],

@@ -14,7 +14,7 @@ from peers.compared import BUDGET
 from kinemimic.evaluate.compare.comparison import SHIPPED, Comparison
 from kinemimic.evaluate.paper.experiments.plan import OURS, compared_policies
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 
 def test_an_algorithm_takes_part_with_the_policies_of_all_seeds(compared: Callable[..., Path]) -> None:
@@ -196,7 +196,7 @@ def test_a_study_wants_every_seed_at_every_budget_and_none_failed(compared: Call
 
 def test_another_scenario_of_the_same_name_is_refused(compared: Callable[..., Path]) -> None:
     comparison = Comparison.load(compared())
-    task, theirs = "walk@several-obstacles", scenario("several-obstacles")
+    task, theirs = "walk@several-obstacles", find_scenario("several-obstacles")
     comparison.expect_scenario(task, theirs)
     with pytest.raises(KinemimicError, match="found another scenario of that name"):
         comparison.expect_scenario(task, replace(theirs, seconds=1.0))

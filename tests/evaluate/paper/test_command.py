@@ -34,12 +34,12 @@ from kinemimic.evaluate.paper.experiments.plan import (
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Scenario
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 
 def cut(name: str) -> Scenario:
     """A second of a scenario, rooms without bends or furniture."""
-    return replace(scenario(name), seconds=1.0, obstacles=(), route=())
+    return replace(find_scenario(name), seconds=1.0, obstacles=(), route=())
 
 
 def times(**_: Any) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def times(**_: Any) -> dict[str, Any]:
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little of everything, in this process."""
-    monkeypatch.setattr(module, "scenario", cut)
+    monkeypatch.setattr(module, "find_scenario", cut)
     for user in (scenario_trials, walks):
         monkeypatch.setattr(user, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
     monkeypatch.setattr(module, "processing_times", times)
@@ -134,7 +134,7 @@ def test_a_baseline_may_be_trained_on_the_walk_only(compared: Callable[..., Path
 def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Path]) -> None:
     comparison = Comparison.load(compared())
     one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
-    pull = replace(scenario("pull-forward"), seconds=1.5)
+    pull = replace(find_scenario("pull-forward"), seconds=1.5)
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     ppo, ddpg = ((policies, contest_trials(policies, [pull], **options)) for policies in (one, other))
     both = head_to_head([ppo, ddpg], [pull.name])
@@ -166,8 +166,8 @@ def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Cal
 
     comparison = Comparison.load(compared())
     one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
-    pull = replace(scenario("pull-forward"), seconds=1.0)
-    room = replace(scenario("room"), seconds=1.0, obstacles=(), route=())
+    pull = replace(find_scenario("pull-forward"), seconds=1.0)
+    room = replace(find_scenario("room"), seconds=1.0, obstacles=(), route=())
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     shares = list[float]()
     there: dict[str, Any] = {**options, "executor": There(), "progress": shares.append}
@@ -182,7 +182,7 @@ def test_a_study_on_a_cluster_is_that_of_one_machine(
     compared: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ray_nodes: RayNodes
 ) -> None:
     """A node is killed while the trials go on. Figures and page are not drawn."""
-    monkeypatch.setattr(module, "scenario", cut)
+    monkeypatch.setattr(module, "find_scenario", cut)
     monkeypatch.setattr(module, "processing_times", times)
     monkeypatch.setattr(module, "drawings", lambda *_: {})
     monkeypatch.setattr(module, "study_page", lambda *_: "")

@@ -28,7 +28,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
-from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
+from kinemimic.train.scenario.scenario_file import find_scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.observation import OBSERVATIONS
@@ -264,10 +264,10 @@ def test_command_lists_prints_and_refuses(run: Path) -> None:
     listed = invoke(command, [], catch_exceptions=False).output
     for name in ("pull-forward", "several-obstacles"):
         assert name in listed
-        assert scenario(name).about.split(":")[0][:30] in listed
+        assert find_scenario(name).about.split(":")[0][:30] in listed
     told = json.loads(invoke(command, ["--json"], catch_exceptions=False).output)
     assert list(told) == list(shipped_scenarios())
-    assert told["pull-forward"] == scenario("pull-forward").about
+    assert told["pull-forward"] == find_scenario("pull-forward").about
     mine = run / "mine.toml"
     mine.write_text("seconds = 0.5\n[ground]\nfriction = 0.5\n", encoding="utf-8")
     options = ["--run", str(run), "--trials", "2"]

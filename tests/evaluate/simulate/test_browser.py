@@ -14,7 +14,7 @@ from peers.browser import CHROMIUM, Watched, chromium, served
 
 from kinemimic.evaluate.simulate.session.recording import Replay
 from kinemimic.retarget.humanoid.body import BODY_INDEX
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 pytest.importorskip("playwright.sync_api")
 pytestmark = [
@@ -146,7 +146,7 @@ def test_a_drag_shows_its_force_and_moves_the_humanoid(look: Callable[..., Watch
     assert page.hosts <= {"127.0.0.1"}
     assert page.errors == []
     body = BODY_INDEX[next(one["body"] for one in inputs(walk_run) if one["type"] == "drag")]
-    frames = list(Replay(recorded(walk_run), named=scenario))
+    frames = list(Replay(recorded(walk_run), named=find_scenario))
     forces = [np.linalg.norm(frame.drag[2]) for frame in frames if frame.drag is not None]
     assert max(forces) > 20.0
     away = np.array([frame.bodies.positions[body] - frame.target.positions[body] for frame in frames])

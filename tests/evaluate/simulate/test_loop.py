@@ -39,7 +39,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.train.rollout.policy import POLICY
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 
@@ -80,7 +80,7 @@ def loop(page: Page, walk_run: Path, tmp_path: Path) -> Loop:
         page,
         Clock(CONTROL_RATE, sleep=lambda _: None),
         engine="pybullet",
-        open_session=lambda one: begin_session(one.run, "pybullet", speed=one.speed, named=scenario),
+        open_session=lambda one: begin_session(one.run, "pybullet", speed=one.speed, named=find_scenario),
         choose=choose,
         recordings=tmp_path / "recordings",
     )
@@ -166,7 +166,7 @@ def test_a_recording_begins_with_a_new_session_and_replays(loop: Loop, page: Pag
     lines = [json.loads(line) for line in (folder / SESSION).read_text().splitlines()]
     kinds = [line["input"]["type"] for line in lines if "input" in line]
     assert kinds == ["push", "drag", "release"]
-    assert len(list(Replay(folder, named=scenario))) == 22
+    assert len(list(Replay(folder, named=find_scenario))) == 22
 
 
 def test_what_does_not_fit_is_said_and_changes_nothing(loop: Loop, page: Page) -> None:

@@ -24,7 +24,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.live.performer import standing as pose
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 WALK = walker(seconds=1.5, rate=30.0).clip
@@ -70,7 +70,7 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
     assert found["people"] == 1
     assert found["latency_ms"]["median"] == pytest.approx(150.0, abs=34.0)
     folder = Path(found["recording"])
-    frames = list(Replay(folder, named=scenario))
+    frames = list(Replay(folder, named=find_scenario))
     assert len(frames) == found["steps"]
     # Another predictor or policy for standing is refused, and none.
     text = (folder / SESSION).read_text()
@@ -79,13 +79,13 @@ def test_what_came_in_replays_to_the_bit(run: Path) -> None:
         for other, complaint in (("f" * 64, "others"), ("", "one without")):
             (folder / SESSION).write_text(text.replace(own, other))
             with pytest.raises(KinemimicError, match=f"for standing of this version, found {complaint}"):
-                list(Replay(folder, named=scenario))
+                list(Replay(folder, named=find_scenario))
     # A recorded bit that is another is noticed.
     place = repr(float(WALK.positions[20, 13, 2]))
     assert place in text
     (folder / SESSION).write_text(text.replace(place, repr(float(WALK.positions[20, 13, 2]) + 1e-6)))
     with pytest.raises(KinemimicError, match="expected the recorded state"):
-        list(Replay(folder, named=scenario))
+        list(Replay(folder, named=find_scenario))
 
 
 def test_a_recording_that_begins_and_ends_on_the_page_is_in_the_summary(run: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.validation.records import convert
 from kinemimic.train.scenario.scenario import Range, Scenario
-from kinemimic.train.scenario.scenario_file import MAX_BYTES, read_scenario, scenario, shipped_scenarios
+from kinemimic.train.scenario.scenario_file import MAX_BYTES, find_scenario, read_scenario, shipped_scenarios
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "scenarios.md"
 
@@ -164,14 +164,14 @@ def test_a_slope_is_read_without_movable_obstacles(tmp_path: Path) -> None:
 
 def test_a_file_without_a_scenario_is_named(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match=r"none\.toml: expected a scenario, found no file"):
-        scenario(str(tmp_path / "none.toml"))
+        find_scenario(str(tmp_path / "none.toml"))
     with pytest.raises(KinemimicError, match=r"expected a shipped scenario .*pull-forward.*found 'pull'"):
-        scenario("pull")
+        find_scenario("pull")
     large = written(tmp_path, "#" * (MAX_BYTES + 1))
     with pytest.raises(KinemimicError, match="expected a scenario of at most 1 MB"):
         read_scenario(large)
     with pytest.raises(KinemimicError, match="zero: expected a scenario, found a pipe or a device"):
-        scenario("/dev/zero")
+        find_scenario("/dev/zero")
     os.mkfifo(tmp_path / "pipe.toml")
     with pytest.raises(KinemimicError, match=r"pipe\.toml: expected a scenario, found a pipe"):
         read_scenario(tmp_path / "pipe.toml")
@@ -181,7 +181,7 @@ def test_every_shipped_scenario_is_valid_and_described() -> None:
     names = shipped_scenarios()
     assert {"pull-forward", "pull-backward", "leg-force", "arm-torque", "thrown-ball"} <= set(names)
     for name in names:
-        found = scenario(name)
+        found = find_scenario(name)
         assert found.name == name
         assert found.about
 

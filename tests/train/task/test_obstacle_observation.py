@@ -19,7 +19,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig, Tracking
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.scenario.overlap import distance
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import BodyStates, Obstacle, World
 from kinemimic.train.task.env import ImitationBatch
@@ -231,7 +231,7 @@ def test_the_states_are_the_worlds(world: World) -> None:
 def test_an_episode_among_obstacles_shows_them_at_the_end_of_the_observation(motion: Motion) -> None:
     config = EnvConfig(tracking=Tracking(), mirror=False, observed_obstacles=COUNT)
     blind = replace(config, observed_obstacles=0)
-    for scene, seen in ((scenario("several-obstacles"), True), (None, False)):
+    for scene, seen in ((find_scenario("several-obstacles"), True), (None, False)):
         observed = []
         for env in (config, blind):
             batch = ImitationBatch(open_world(1, "pybullet"), Reference(motion), replace(env, scenario=scene))

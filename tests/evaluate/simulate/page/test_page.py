@@ -22,7 +22,7 @@ from kinemimic.evaluate.simulate.session.frame import Status
 from kinemimic.evaluate.simulate.session.inputs import Carry, Drag, Enter, Push, Release
 from kinemimic.evaluate.simulate.session.recording import begin_session
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 pytest.importorskip("viser")
 HOLDER, OTHER = 1, 2
@@ -135,7 +135,7 @@ def test_viewers_see_who_has_the_controls(panel: Panel) -> None:
 
 
 def test_companions_are_drawn_and_disappear_in_a_scenario(panel: Panel, walk_run: Path) -> None:
-    session = begin_session(walk_run, "pybullet", companions=3, named=scenario)
+    session = begin_session(walk_run, "pybullet", companions=3, named=find_scenario)
     frame = session.advance()
     panel.draw(frame)
     assert frame.companions is not None

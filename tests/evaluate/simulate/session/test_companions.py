@@ -22,7 +22,7 @@ from kinemimic.evaluate.simulate.session.inputs import (
 )
 from kinemimic.evaluate.simulate.session.recording import begin_session
 from kinemimic.evaluate.simulate.session.session import LYING, Session
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 ENGINE = "pybullet"
 OTHERS = 3
@@ -30,7 +30,7 @@ HARD = Push("torso", force=(0.0, 1500.0, 0.0), steps=20)
 
 
 def opened(run: Path, companions: int = OTHERS) -> Session:
-    return begin_session(run, ENGINE, companions=companions, named=scenario)
+    return begin_session(run, ENGINE, companions=companions, named=find_scenario)
 
 
 def companions(frame: Frame) -> Companions:

@@ -23,14 +23,14 @@ from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.live.performer import Performed, Performer, standing
 from kinemimic.train.rollout.tracker_file import tracker_path
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 
 @pytest.fixture(scope="module")
 def session() -> LiveSession:
     engine = "pybullet" if find_spec("kinemimic_native") is None else "native"
-    return begin_live_session(tracker_path("tracker").parent, engine, LiveSettings(), named=scenario)
+    return begin_live_session(tracker_path("tracker").parent, engine, LiveSettings(), named=find_scenario)
 
 
 def test_words_and_restart(session: LiveSession) -> None:
@@ -71,7 +71,7 @@ def test_noise_is_removed_unless_it_shall_stay(session: LiveSession, denoise: bo
     """Against what the capture shows: the same poses without denoising, others with it after a second."""
     clip = changing_bones(walker(seconds=3.0, rate=30.0).clip)
     live = begin_live_session(
-        tracker_path("tracker").parent, session._engine, LiveSettings(denoise=denoise), named=scenario
+        tracker_path("tracker").parent, session._engine, LiveSettings(denoise=denoise), named=find_scenario
     )
     capture, performer = LiveCapture(step=1.0 / CONTROL_RATE), Performer(float(CONTROL_RATE))
     off, noise = [], []
@@ -114,7 +114,7 @@ def test_a_person_who_squats_is_followed(session: LiveSession) -> None:
     found = {}
     for name in ("tracker", "standing"):
         live = begin_live_session(
-            tracker_path("tracker").parent, session._engine, LiveSettings(place=True), named=scenario
+            tracker_path("tracker").parent, session._engine, LiveSettings(place=True), named=find_scenario
         )
         if name == "tracker":
             live.performer.perform = going(live.performer)  # type: ignore[method-assign]
@@ -143,7 +143,9 @@ def going(performer: Performer) -> Callable[[Moment | None], Performed]:
 
 
 def test_without_a_policy_for_it_ankles_and_hips_balance(session: LiveSession) -> None:
-    live = begin_live_session(tracker_path("tracker").parent, session._engine, LiveSettings(), named=scenario)
+    live = begin_live_session(
+        tracker_path("tracker").parent, session._engine, LiveSettings(), named=find_scenario
+    )
     live._standing = None
     frames = [live.advance() for _ in range(3 * CONTROL_RATE)]
     live.close()

@@ -36,7 +36,7 @@ from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import load_trained
-from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import find_scenario
 
 ENGINE = "pybullet"
 # Every kind of input, by the control step before which it comes.
@@ -55,7 +55,7 @@ STEPS = 175
 
 
 def opened(run: Path, *, restart: bool = True) -> Session:
-    return begin_session(run, ENGINE, restart=restart, named=scenario)
+    return begin_session(run, ENGINE, restart=restart, named=find_scenario)
 
 
 def played(session: Session, script: dict[int, tuple[Input, ...]], recorder: Recorder | None) -> list[Frame]:
@@ -86,7 +86,7 @@ def recorded(walk_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 def test_a_replay_has_the_same_bits_and_the_same_score(recorded: tuple[Path, list[Frame], str]) -> None:
     folder, frames, score = recorded
-    again = Replay(folder, named=scenario)
+    again = Replay(folder, named=find_scenario)
     for one, other in zip(again, frames, strict=True):
         np.testing.assert_array_equal(one.bodies.positions, other.bodies.positions)
         np.testing.assert_array_equal(one.rotations, other.rotations)
@@ -148,7 +148,7 @@ def test_a_scenario_keeps_its_own_obstacles_and_ground(walk_run: Path) -> None:
 def test_a_scenario_is_the_trial_of_its_number_whatever_ground_a_person_set(walk_run: Path) -> None:
     motion, policy, record = load_trained(walk_run)
     config = TrainConfig.from_json(record["config"])
-    room = replace(scenario("room"), seconds=1.0)
+    room = replace(find_scenario("room"), seconds=1.0)
     played_there, shown = replay_scenario(motion, policy, config, room, number=3, engine=ENGINE)
     session = opened(walk_run)
     session.apply(Ground(0.1, 0.1))
@@ -264,7 +264,7 @@ def test_clear_ends_pushes_also_in_a_scenario_and_replays(walk_run: Path, tmp_pa
     assert frames[19].loads.any()
     assert not frames[20].loads.any()
     assert len(frames[20].obstacles) == len(frames[19].obstacles) > 0
-    assert len(list(Replay(folder, named=scenario))) == STEPS
+    assert len(list(Replay(folder, named=find_scenario))) == STEPS
 
 
 def test_a_score_without_a_speed_is_recorded(recorded: tuple[Path, list[Frame], str], tmp_path: Path) -> None:
@@ -278,7 +278,7 @@ def test_a_score_without_a_speed_is_recorded(recorded: tuple[Path, list[Frame], 
     (folder / SESSION).write_text(re.sub(r'"speed":[-.\de]+}}', '"speed":NaN}}', text))
     assert "NaN" in (folder / SESSION).read_text()
     with pytest.raises(KinemimicError, match='"speed": null}, found'):
-        list(Replay(folder, named=scenario))
+        list(Replay(folder, named=find_scenario))
 
 
 def test_a_killed_recording_replays_up_to_its_last_whole_line(
@@ -287,7 +287,7 @@ def test_a_killed_recording_replays_up_to_its_last_whole_line(
     shutil.copytree(recorded[0], tmp_path / "killed")
     path = tmp_path / "killed" / SESSION
     path.write_bytes(path.read_bytes()[: -len(path.read_bytes()) // 3])
-    assert 0 < len(list(Replay(tmp_path / "killed", named=scenario))) < STEPS
+    assert 0 < len(list(Replay(tmp_path / "killed", named=find_scenario))) < STEPS
 
 
 @pytest.mark.parametrize(
@@ -316,7 +316,7 @@ def test_a_damaged_recording_is_one_line(
     lines[line - 1 if line > 0 else line] = text
     (folder / SESSION).write_text("\n".join(lines) + "\n")
     with pytest.raises(KinemimicError, match=message):
-        list(Replay(folder, named=scenario))
+        list(Replay(folder, named=find_scenario))
 
 
 def test_the_command_replays_and_writes_a_recording(recorded: tuple[Path, list[Frame], str]) -> None:
