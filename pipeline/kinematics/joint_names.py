@@ -135,6 +135,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "*toe",
         "*toe0",
         "ball*",
+        "*ball",
         "toes*",
         "toe*",
         "toe11*",

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels
+from kinemimic.pipeline.kinematics.joint_names import listed
 from kinemimic.pipeline.kinematics.joints_by_tree import named_by_tree
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -34,7 +35,8 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import amc_text, asf_text
-from kinemimic.pipeline.readers.mocap.asf_text import AsfText
+from kinemimic.pipeline.readers.mocap.angle_unit import radians_defect
+from kinemimic.pipeline.readers.mocap.asf_text import ROTATIONS, AsfText
 
 FORMAT = Format(
     name="ASF/AMC",
@@ -99,6 +101,13 @@ def read(source: Source) -> Clip:
     some = slice(None, None, len(root) // _SAMPLED_FRAMES + 1)
     named = Skeleton(names, parents, offsets)
     places = positions_of_channels(named, translations[some], euler[some], orders, Y_UP_TO_Z_UP, rests)
+    in_radians = None
+    if degrees:
+        in_radians = radians_defect(np.degrees(euler[some, 1:]), places)
+    if in_radians is not None:
+        degrees = False
+        np.degrees(euler, out=euler)
+        places = positions_of_channels(named, translations[some], euler[some], orders, Y_UP_TO_Z_UP, rests)
     names, by_tree = named_by_tree(names, parents, places)
     unit = infer_unit(names, parents, offsets[None], skeleton_source.path, named=source.unit)
     skeleton = Skeleton(names, parents, offsets * unit.metres)
@@ -112,8 +121,8 @@ def read(source: Source) -> Clip:
         reading=reading(
             units=unit.name,
             units_rule=unit.rule,
-            defects=[*unit.defects, *defects],
-            notes=[rate_rule, *([by_tree] if by_tree else [])],
+            defects=[*unit.defects, *defects, *([] if in_radians is None else [in_radians])],
+            notes=[rate_rule, *([by_tree] if by_tree else []), *_not_read(text)],
             skeleton=skeleton_source.path.name,
             skeleton_length_scale=text.length,
             channels=int(sum(len(bone.dofs) for bone in text.bones)),
@@ -216,11 +225,11 @@ def _channels(
     orders = [""] * joints
     for joint, bone in enumerate(text.bones):
         for k in reversed(range(len(bone.dofs))):
-            kind, axis = tuple(bone.dofs[k].upper())
+            kind, axis = bone.dofs[k][:1], bone.dofs[k][1:].upper()
             column = values[bone.name][:, k]
-            if kind == "T":
+            if kind == "t" and joint == 0:
                 root[:, "XYZ".index(axis)] = column / text.length
-            else:
+            elif kind == "r":
                 euler[:, joint, len(orders[joint])] = column
                 orders[joint] += axis
         # Axes that a bone lacks are zero, at the end of its order.
@@ -230,6 +239,14 @@ def _channels(
         np.radians(euler, out=euler) if degrees else euler,
         root + text.position / text.length,
     )
+
+
+def _not_read(text: AsfText) -> list[str]:
+    """A note if bones move against their parents or vary in length, which is not read."""
+    moving = [bone.name for bone in text.bones[1:] if not set(bone.dofs) <= set(ROTATIONS)]
+    if not moving:
+        return []
+    return [f"translations and lengths of bones are not read ({listed(moving)})"]
 
 
 def _knees(text: AsfText, values: Mapping[str, Array], degrees: bool) -> dict[str, Array]:

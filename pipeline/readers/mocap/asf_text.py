@@ -20,10 +20,12 @@ MAX_BONES = 1024
 MAX_NUMBER = 1e9
 _SCALES = (1e-4, 1e4)
 _SECTIONS = ("units", "root", "bonedata", "hierarchy")
-# The degrees of freedom that a bone may have; the format also has "l" (a varying length), but no library uses
-# it.
-DOFS: tuple[str, ...] = ("rx", "ry", "rz")
-ROOT_DOFS: tuple[str, ...] = ("tx", "ty", "tz", *DOFS)
+ROTATIONS: tuple[str, ...] = ("rx", "ry", "rz")
+ROOT_DOFS: tuple[str, ...] = ("tx", "ty", "tz", *ROTATIONS)
+# The degrees of freedom that a bone may have; l is a varying length.
+DOFS: tuple[str, ...] = (*ROTATIONS, "tx", "ty", "tz", "l")
+# Lengths of a direction, which some converters round; it is made a unit vector.
+_DIRECTION = (0.9, 1.1)
 _Line = tuple[int, list[str]]
 
 
@@ -154,11 +156,11 @@ def _bone(source: Source, lines: Sequence[_Line], degrees: bool) -> Bone:
     if not bone.name:
         raise source.error(expected="a bone's name", found="none", line=line)
     size = float(np.linalg.norm(direction))
-    if size > 0 and abs(size - 1.0) > 0.01:
+    if size > 0 and not _DIRECTION[0] <= size <= _DIRECTION[1]:
         raise source.error(
             expected=f"a direction of length 1 at {bone.name}", found=f"length {size:.4g}", line=line
         )
-    bone.end = direction * length
+    bone.end = direction * (length / size if size > 0 else length)
     return bone
 
 

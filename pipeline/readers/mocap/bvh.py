@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.kinematics.joints_by_tree import named_by_tree
-from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, angle_between
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, angle_between, rotate
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.kinematics.vectors import unit as unit_of
 from kinemimic.pipeline.plural import plural
@@ -26,8 +26,10 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
 from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.path_unit import MIXED, path_factor
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.bvh_text import BvhText, parse
+from kinemimic.pipeline.readers.mocap.angle_unit import radians_defect
+from kinemimic.pipeline.readers.mocap.bvh_text import BvhText, is_comment, parse
 
 FORMAT = Format(
     name="BVH",
@@ -43,6 +45,8 @@ _AXES = "XYZ"
 _NO_BONE = 0.1
 # Cosine of the angle to Z within which a trunk or a leg stands.
 _UPRIGHT = 0.8
+# Share of a leg within which a root is at the pelvis.
+_PELVIS = 0.4
 # A T-pose is one frame, at most a few; a longer still pose means that the subject is not there yet
 # (quality/passes.py).
 _MAX_CALIBRATION = 5
@@ -51,8 +55,9 @@ _SAMPLED_FRAMES = 600
 
 
 def recognises(source: Source) -> bool:
-    """True if the first word is HIERARCHY."""
-    return source.head[0].split()[0].lower() == "hierarchy"
+    """True if the first word below comments is HIERARCHY."""
+    first = next((line for line in source.head if not is_comment(line)), source.head[0])
+    return first.split()[0].lower() == "hierarchy"
 
 
 def read(source: Source) -> Clip:
@@ -77,13 +82,22 @@ def read(source: Source) -> Clip:
         tuple(joint.name for joint in bvh.joints), parents, np.array([joint.offset for joint in bvh.joints])
     )
     posed = positions_of_channels(named, offsets[some], euler[some], orders, IDENTITY)
+    in_radians = radians_defect(np.degrees(euler[some, 1:]), posed)
+    if in_radians is not None:
+        np.degrees(euler, out=euler)
+        posed = positions_of_channels(named, offsets[some], euler[some], orders, IDENTITY)
     names, by_tree = named_by_tree(named.names, parents, posed)
     z_up = _stands_along_z(replace(named, names=names), posed)
     unit = infer_unit(names, parents, offsets, source.path, named=source.unit)
     translations = offsets * unit.metres
     skeleton = Skeleton(names, parents, named.offsets * unit.metres)
+    seconds = bvh.frame_time or 1.0 / RATE
+    world = IDENTITY if z_up else Y_UP_TO_Z_UP
+    in_world = rotate(world, posed * unit.metres)
+    path_scale, path_defects = _path(names, in_world, 1.0 / (seconds * (some.step or 1)))
+    translations[:, 0] *= path_scale
     first, note = calibration_frames(euler, orders)
-    defects = unit.defects
+    defects = [*unit.defects, *path_defects, *([] if in_radians is None else [in_radians])]
     if first:
         defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
     notes = [by_tree] if by_tree else []
@@ -91,25 +105,10 @@ def read(source: Source) -> Clip:
         notes.append("position channels below the root are about zero: they are added to the offsets")
     if z_up:
         notes.append("the skeleton stands along Z in the file: Z is up")
-    if bvh.commas:
-        notes.append("the numbers have decimal commas")
-    if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
-        notes.append("the file has scale channels, which are not applied")
-    frames = int(bvh.numbers[-1]) + 1
-    if bvh.declared > frames:
-        text = f"the file declares {bvh.declared} frames but has {frames}: it may be cut off"
-        defects.append(Defect("dropped_frames", bvh.declared - frames, "frames", "flagged", text))
-    elif bvh.declared < frames:
-        notes.append(f"the file declares {bvh.declared} frames but has {frames}: all are read")
-    if unknown := frames - len(euler):
-        text = f"{plural(unknown, 'frame')} without a number in some channel, left out"
-        defects.append(Defect("dropped_frames", unknown, "frames", "flagged", text))
-    if not bvh.frame_time:
-        text = f"the file has no frame time: {RATE:g} Hz, unless --rate says what it has"
-        defects.append(Defect("wrong_rate", len(euler), "frames", "flagged", text))
+    of_text, also = _findings(bvh)
     return clip_of_channels(
         skeleton,
-        bvh.numbers[first:].astype(np.float64) * (bvh.frame_time or 1.0 / RATE),
+        bvh.numbers[first:].astype(np.float64) * seconds,
         translations[first:],
         euler[first:],
         orders,
@@ -117,12 +116,65 @@ def read(source: Source) -> Clip:
         reading=reading(
             units=unit.name,
             units_rule=unit.rule,
-            defects=defects,
-            notes=notes,
+            defects=[*defects, *of_text],
+            notes=[*notes, *also],
             channels=int(bvh.motion.shape[1]),
         ),
-        world_from_file=IDENTITY if z_up else Y_UP_TO_Z_UP,
+        world_from_file=world,
     )
+
+
+def _findings(bvh: BvhText) -> tuple[list[Defect], list[str]]:
+    """Defects and notes about the text of a file."""
+    frames, read = int(bvh.numbers[-1]) + 1, len(bvh.motion)
+    defects, notes = [], []
+    if bvh.commas:
+        notes.append("the numbers have decimal commas")
+    if any(name.endswith("scale") for joint in bvh.joints for name in joint.channels):
+        notes.append("the file has scale channels, which are not applied")
+    if bvh.declared > frames:
+        text = f"the file declares {bvh.declared} frames but has {frames}: it may be cut off"
+        defects.append(Defect("dropped_frames", bvh.declared - frames, "frames", "flagged", text))
+    elif 0 < bvh.declared < frames:
+        notes.append(f"the file declares {bvh.declared} frames but has {frames}: all are read")
+    if bvh.cut:
+        text = "the last frame is cut off, and left out"
+        defects.append(Defect("dropped_frames", 1, "frames", "flagged", text))
+    if unknown := frames - read:
+        text = f"{plural(unknown, 'frame')} without a number in some channel, left out"
+        defects.append(Defect("dropped_frames", unknown, "frames", "flagged", text))
+    roots = ", ".join(bvh.others)[:80]
+    if bvh.people:
+        text = f"{bvh.people} more in the file, dropped; its other roots are {roots}"
+        defects.append(Defect("several_people", bvh.people, "people", "repaired", text))
+    elif bvh.others:
+        notes.append(f"other roots are not read: {roots}")
+    if not bvh.frame_time:
+        text = f"the file has no frame time: {RATE:g} Hz, unless --rate says what it has"
+        defects.append(Defect("wrong_rate", read, "frames", "flagged", text))
+    return defects, notes
+
+
+def _path(names: tuple[str, ...], positions: Array, rate: float) -> tuple[float, list[Defect]]:
+    """The factor that the path of the root needs, and a defect unless it is 1.
+
+    positions: (T, J, 3) of the joints in metres, Z up; rate: Hz. Of a root that is not at the pelvis, nothing
+    is known.
+    """
+    found = joints_by_name(names)
+    if not {"hip_left", "hip_right", "ankle_left", "ankle_right"} <= found.keys():
+        return 1.0, []
+    root = positions[:, 0]
+    feet = positions[:, [found["ankle_left"], found["ankle_right"]]] - root[:, None]
+    hips = 0.5 * (positions[:, found["hip_left"]] + positions[:, found["hip_right"]])
+    leg = float(np.median(np.linalg.norm(feet, axis=-1)))
+    if float(np.median(np.linalg.norm(hips - root, axis=-1))) > _PELVIS * leg:
+        return 1.0, []
+    factor, why = path_factor(root, feet, rate, MIXED)
+    if factor == 1.0:
+        return 1.0, []
+    text = f"the root's path is in another unit than the bones: {why}; times {factor:g}"
+    return factor, [Defect("wrong_units", len(positions), "frames", "repaired", text)]
 
 
 def _add_offsets(bvh: BvhText, local: Array) -> bool:

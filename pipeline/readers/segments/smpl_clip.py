@@ -38,8 +38,8 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_DISTANCE, refuse_remote
+from kinemimic.pipeline.readers.base.path_unit import path_unit
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.segments.path_unit import path_unit
 
 RATE = 30.0  # Hz, where a file states none
 # Mean statures of adults in the United States, metres: Fryar, Gu, Ogden & Flegal 2016 (Vital Health Stat. 3).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -236,7 +237,10 @@ def test_damage_of_the_motion_is_named(tmp_path: Path, change: Callable[[str], s
             lambda t: t.replace("    lfemur ltibia\r\n", ""),
             "every bone in :hierarchy below root, found no lt",
         ),
-        (lambda t: t.replace("dof rx\r", "dof rx rw\r", 1), "degrees of freedom among rx ry rz, each once"),
+        (
+            lambda t: t.replace("dof rx\r", "dof rx rw\r", 1),
+            "degrees of freedom among rx ry rz .*, each once",
+        ),
         (lambda t: t.replace("  XYZ", "  XYW", 1), "an order of axes such as XYZ, found 'XYW'"),
         (lambda t: t.replace("length 0.45", "length 0"), "a length scale of 0.0001 to 10000, found 0"),
         (lambda t: t.replace("direction ", "direction nan ", 1), "a bone's direction, found 'nan"),
@@ -249,6 +253,59 @@ def test_damage_of_the_skeleton_is_named(tmp_path: Path, change: Callable[[str],
     with pytest.raises(CaptureError, match=message) as caught:
         read(sample(tmp_path, lambda t: t.replace("tibia", "Xtibia") if "legs" in message else t, change))
     assert "07.asf" in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("dofs", ["rx tx ty tz", "tx rx l", "rx l"])
+def test_bones_that_move_or_vary_in_length_keep_theirs(tmp_path: Path, dofs: str) -> None:
+    """The values are those of a shin, which bends about x alone."""
+    same = read(sample(tmp_path))
+    row = " ".join(r"\1" if dof == "rx" else "0.25" for dof in dofs.split())
+
+    def moved(text: str) -> str:
+        return re.sub(r"^ltibia (\S+)", f"ltibia {row}", text, flags=re.MULTILINE)
+
+    def skeleton(text: str) -> str:
+        at = text.index("dof", text.index("name ltibia"))
+        return text[:at] + text[at:].replace("dof rx", f"dof {dofs}", 1)
+
+    clip = read(sample(tmp_path, moved, skeleton))
+    assert np.array_equal(clip.positions, same.positions)
+    assert "translations and lengths of bones are not read (ltibia)" in clip.provenance["reading"]["notes"]
+
+
+def test_directions_that_are_rounded(tmp_path: Path) -> None:
+    same = read(sample(tmp_path))
+
+    def rounded(text: str) -> str:
+        return re.sub(r"direction (\S+) (\S+) (\S+)", lambda m: "direction " + _longer(m.groups()), text)
+
+    clip = read(sample(tmp_path, asf=rounded))
+    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-6)
+
+
+def _longer(words: tuple[str, ...]) -> str:
+    return " ".join(f"{1.04 * float(word):.9f}" for word in words)
+
+
+def test_angles_in_radians_that_are_said_to_be_degrees(tmp_path: Path) -> None:
+    same = read(sample(tmp_path))
+
+    def in_radians(text: str) -> str:
+        lines = []
+        for line in text.split("\n"):
+            name, *words = line.split() or [""]
+            kept = 3 if name == "root" else 0 if name.isalpha() else len(words)
+            turned = [f"{np.radians(float(word)):.9f}" for word in words[kept:]]
+            lines.append(" ".join([name, *words[:kept], *turned]))
+        return "\n".join(lines)
+
+    clip = read(sample(tmp_path, in_radians))
+    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-5)
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["action"]) == ("wrong_units", "repaired")
+    assert clip.angles is not None
+    assert same.angles is not None
+    np.testing.assert_allclose(clip.angles["knee_left"], same.angles["knee_left"], atol=1e-6)
 
 
 def test_recognises_only_its_own(captures: Path) -> None:
