@@ -24,6 +24,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.live.capture import FORGET
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
 
 DEFAULT_PORT = 39539  # of VMC
@@ -169,6 +170,8 @@ class Vmc:
         # coming frame's were dropped.
         self._timed = self._changed = self._torn = False
         self._incomplete_since: float | None = None
+        # Seconds at which a bone and a time came last.
+        self._heard = self._told = 0.0
         self._began = time.perf_counter()
 
     def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
@@ -180,17 +183,23 @@ class Vmc:
         for datagram in datagrams:
             for address, values in self._messages(datagram):
                 if address == "/VMC/Ext/T" and values and _is_time(values[0]):
-                    self._timed = True
+                    self._timed, self._told = True, elapsed
                     if self._torn:
                         self._torn = self._changed = False
                     else:
                         found += self._frame(float(values[0]), elapsed)
                 elif address in ("/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos") and values:
                     root = address == "/VMC/Ext/Root/Pos"
+                    if elapsed - self._heard > FORGET:
+                        # Another sender's avatar may have other bones.
+                        self._avatar, self._told = Avatar(), elapsed
+                    self._heard = elapsed
                     if not self._avatar.set("Root" if root else str(values[0]), values[1:]):
                         self.faults.note("refused: no bone")
                     elif not root:
                         self._changed = True
+        if self._changed and elapsed - self._told > FORGET:
+            self._timed = False
         if not self._timed:
             found += self._frame(time.perf_counter() - self._began, elapsed)
         return found[-MAX_FRAMES:]

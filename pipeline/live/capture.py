@@ -13,6 +13,7 @@ from kinemimic.pipeline.live.playout import Playout
 from kinemimic.pipeline.live.recogniser import NEEDED, Reading, Recogniser
 from kinemimic.pipeline.live.sides import Sides
 from kinemimic.pipeline.live.window import MIN_STEP, WINDOW, Window
+from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 
 LAG = 0.15  # s
 # Seconds without a frame, after which nothing is known about the person's sides, nor about the sender:
@@ -21,6 +22,11 @@ FORGET = 0.5
 _PENDING = 64  # frames kept until the sender is recognised
 # Frames in a row that are too far apart, or too close, before the unit of their times is in doubt.
 _APART, _CLOSE = 10, 40
+_LONGEST_PAUSE = 60.0  # s after which a sender is another one
+# Shares of the leg's length, between which those of later frames are; frames in a row beyond it, before the
+# sender is recognised anew.
+_LEGS, _ODD = (0.5, 1.7), 10
+_SAME = 10  # frames in a row of one time, before that is said
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,8 @@ class LiveCapture:
     lag: seconds between the newest frame and the moment; reading: of the last sender that was recognised;
     frames, refused, late, thinned: numbers of frames that were used, that did not fit the sender's others,
     that came after a later one, and that were too close to the one before; complaint: what is wrong with what
-    comes now, "" if nothing; last_fault: why the last frame was refused; quiet: s since a frame fitted;
+    comes now, "" if nothing; last_fault: why the last frame was refused; quiet: s since a frame that fitted
+    and was later than all before;
     senders: number of times that a sender began.
     """
 
@@ -66,28 +73,31 @@ class LiveCapture:
         self._pending: list[CapturedFrame] = []
         self._raw = np.full((20, 3), np.nan)
         self._newest: CapturedFrame | None = None
-        self._apart = self._close = 0
+        self._apart = self._close = self._same = self._odd = 0
 
     def take(self, frame: CapturedFrame) -> None:
         """Add a frame; KinemimicError for one that the sender's others contradict."""
         gap = 0.0 if self._newest is None else frame.time - self._newest.time
         try:
             if self._begins(frame):
-                self._begin()
+                self._begin(self.reading if self._goes_on(frame) else None)
             known = self.recogniser.take(frame)
         except KinemimicError as error:
             self.refused += 1
             self.complaint = self.last_fault = str(error)
             raise
-        self.quiet = 0.0
         if self._newest is None or gap > 0.0:
             self._newest = frame
+            self.quiet = 0.0
+        self._same = self._same + 1 if gap == 0.0 else 0
         self._apart = self._apart + 1 if gap > FORGET else 0
         self._take(frame, known=known)
         if known:
             self.complaint = ""
         if self._apart >= _APART or (self._close >= _CLOSE and gap > 0.0):
             self.complaint = f"expected times in seconds, found frames {gap:.3g} s apart"
+        if self._same >= _SAME:
+            self.complaint = f"expected a later time in every frame, found {frame.time:.6g} s again and again"
 
     def _take(self, frame: CapturedFrame, *, known: bool) -> None:
         """Add a frame as soon as it is known how it is to be read."""
@@ -106,12 +116,22 @@ class LiveCapture:
             return True
         if len(frame.positions) != len(last.positions):
             return self.quiet > FORGET
+        if frame.time <= last.time and self.quiet > FORGET:
+            return True
         # A sender that was started again counts from the beginning.
         return not last.time - WINDOW < frame.time <= last.time + FORGET
 
-    def _begin(self) -> None:
+    def _goes_on(self, frame: CapturedFrame) -> bool:
+        """Whether a frame is probably from the same sender after a pause: its clock goes on."""
+        last = self._newest
+        if last is None or len(frame.positions) != len(last.positions):
+            return False
+        return last.time < frame.time <= last.time + _LONGEST_PAUSE
+
+    def _begin(self, before: Reading | None) -> None:
         self.senders += 1
-        self.recogniser, self.sides = Recogniser(self._up), Sides(self.sides)
+        self.recogniser, self.sides = Recogniser(self._up, before), Sides(self.sides)
+        self._odd = 0
         self.window.clear()
         self._pending.clear()
         self._newest = None
@@ -127,7 +147,10 @@ class LiveCapture:
             self.thinned += 1
             self._close += 1
             return
-        positions, states = self.sides.restored(frame.time, *reading.nodes(frame))
+        positions, states = reading.nodes(frame)
+        if self._is_odd(positions, reading):
+            return
+        positions, states = self.sides.restored(frame.time, positions, states)
         if self.sides.turned:
             # What was left is right now.
             self.window.clear()
@@ -135,6 +158,19 @@ class LiveCapture:
         self._close = 0
         self.frames += 1
         self._raw = positions
+
+    def _is_odd(self, positions: Array, reading: Reading) -> bool:
+        """Whether the legs in positions (20, 3) are not a person's of before; after many such frames, the
+        sender is recognised anew."""
+        leg = 0.5 * float(leg_bones(positions[None]).sum())
+        if not np.isfinite(leg) or _LEGS[0] * reading.leg < leg < _LEGS[1] * reading.leg:
+            self._odd = 0
+            return False
+        self._odd += 1
+        if self._odd >= _ODD:
+            self._begin(None)
+            self.complaint = f"expected legs of {reading.leg:.2f} m as before, found {leg:.3g}"
+        return True
 
     def advance(self) -> Moment | None:
         """The next moment; None while nobody sends."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import re
 from typing import Annotated, Any
 
 import msgspec
@@ -14,25 +16,30 @@ from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
 from kinemimic.pipeline.live.layouts import LAYOUTS
 
 MAX_LINE = 16_384  # bytes: 33 joints with 17 digits a number take 3 kB
+_SURE = 1.001  # the largest confidence: 1, with what rounding adds
+# As JSON has no NaN, some libraries write it like this.
+_NOT_A_NUMBER = re.compile(rb"-?\b(NaN|Infinity)\b")
+# Times that are no seconds since 1970 but these, from this number on; the largest unit first.
+_EPOCHS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 # Confidences from which a joint counts as inferred and as tracked.
 CONFIDENT = (0.2, 0.5)
 _Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
-_Place = tuple[_Number, _Number, _Number] | None
+_Place = tuple[_Number | None, _Number | None, _Number | None] | None
 _Most = Meta(max_length=max(LAYOUTS))
 
 
 class SentFrame(Struct, frozen=True):
     """One moment of a capture.
 
-    time: seconds on the sender's clock, from any origin; positions: of the joints of a layout, right-handed,
-    None for a joint that was not seen; states: 0 missing, 1 inferred, 2 tracked; confidence: 0 to 1, in place
-    of states.
+    time: seconds on the sender's clock, from any origin, or milli-, micro- or nanoseconds since 1970;
+    positions: of the joints of a layout, right-handed, None for a joint that was not seen, or within it;
+    states: 0 missing, 1 inferred, 2 tracked; confidence: 0 to 1, in place of states.
     """
 
-    time: Annotated[float, Meta(ge=-1e12, le=1e12)]
+    time: Annotated[float, Meta(ge=-1e19, le=1e19)]
     positions: Annotated[list[_Place], _Most]
     states: Annotated[list[Annotated[int, Meta(ge=0, le=2)]], _Most] | None = None
-    confidence: Annotated[list[Annotated[float, Meta(ge=0.0, le=1.0)]], _Most] | None = None
+    confidence: Annotated[list[Annotated[float, Meta(ge=0.0, le=_SURE)]], _Most] | None = None
 
 
 class CapturedFrame(SentFrame, tag="frame", frozen=True):
@@ -41,7 +48,8 @@ class CapturedFrame(SentFrame, tag="frame", frozen=True):
     def arrays(self) -> tuple[Array, States]:
         """Positions (J, 3), NaN where missing, and states (J,)."""
         nowhere = (np.nan, np.nan, np.nan)
-        points = np.array([nowhere if one is None else one for one in self.positions], dtype=np.float64)
+        seen = [nowhere if one is None or None in one else one for one in self.positions]
+        points = np.array(seen, dtype=np.float64)
         if self.states is not None:
             states = np.array(self.states, dtype=np.uint8)
         elif self.confidence is not None:
@@ -61,10 +69,17 @@ def decoded_frame(line: bytes) -> CapturedFrame:
     if len(line) > MAX_LINE:
         raise KinemimicError(f"expected a line of at most {MAX_LINE:,} bytes, found {len(line):,}")
     try:
-        sent = msgspec.json.decode(line, type=SentFrame)
+        sent = msgspec.json.decode(_plain(line), type=SentFrame)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise KinemimicError(f"expected a frame in JSON, found {error}") from None
-    return checked_frame(CapturedFrame(sent.time, sent.positions, sent.states, sent.confidence))
+    unit = next((unit for most, unit in _EPOCHS if abs(sent.time) > most), 1.0)
+    return checked_frame(CapturedFrame(unit * sent.time, sent.positions, sent.states, sent.confidence))
+
+
+def _plain(line: bytes) -> bytes:
+    """The line without a mark of its encoding, and with null for what is not a number."""
+    line = line.removeprefix(codecs.BOM_UTF8)
+    return _NOT_A_NUMBER.sub(b"null", line) if b"NaN" in line or b"Infinity" in line else line
 
 
 def checked_frame(frame: CapturedFrame) -> CapturedFrame:

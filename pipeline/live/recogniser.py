@@ -6,7 +6,8 @@ how long a unit is. A person who comes into view stands or walks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,11 +23,13 @@ from kinemimic.pipeline.live.layouts import LAYOUTS
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.pipeline.quality.rules.length_units import UNITS, plausible_units
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA
-from kinemimic.pipeline.readers.landmarks.joint_sets import JointSet
+from kinemimic.pipeline.readers.landmarks.joint_sets import JointSet, fits, joint_set_of
 
 # Nodes without which a frame says nothing about the walk.
 _LEGS = [f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle")]
 NEEDED = [N[name] for name in (*_LEGS, "shoulder_center")]
+_UNLIKE = 1.8  # ratio of two bones of the legs, above which they are not a person's
+_SAME_LEG = 0.15  # share by which legs of one person, or of two who are read alike, differ
 FIRST = 10  # frames with both legs and a trunk, before anything is decided
 # The upward direction in the sender's axes -> rotation to ours.
 _TURNS: dict[tuple[int, int], Array] = {
@@ -44,7 +47,8 @@ UP_NAMES = {"z": (2, 1), "y": (1, 1), "-y": (1, -1), "-z": (2, -1), "x": (0, 1),
 class Reading:
     """How a sender's frames become ours.
 
-    turn: (4,) rotation to our axes; metres: of its unit; hips: factor on their distance.
+    turn: (4,) rotation to our axes; metres: of its unit; hips: factor on their distance; leg: m, thigh and
+    shank.
     """
 
     layout: JointSet
@@ -53,6 +57,7 @@ class Reading:
     unit: str
     up: str
     hips: float
+    leg: float
 
     def nodes(self, frame: CapturedFrame) -> tuple[Array, States]:
         """Positions (20, 3) in metres, NaN where missing, and states (20,) of a frame of the same layout."""
@@ -70,22 +75,53 @@ def on_nodes(frame: CapturedFrame, layout: JointSet) -> tuple[Array, States]:
     for node, joints in layout.nodes.items():
         positions[0, N[node]], known[0, N[node]] = points[joints].mean(axis=0), states[joints].min()
     complete(positions, known, set(layout.nodes))
+    hips, centre = [N["hip_left"], N["hip_right"]], N["hip_center"]
+    if np.isnan(positions[0, centre]).any() and np.isfinite(positions[0, hips]).all():
+        # Many pose networks have the pelvis at the origin, as senders have a joint that they do not see.
+        positions[0, centre], known[0, centre] = positions[0, hips].mean(axis=0), known[0, hips].min()
     return positions[0], known[0]
+
+
+def _ordered(expected: JointSet, points: Array) -> JointSet:
+    """The set whose order the joints (T, J, 3) have: the expected one, unless another one alone fits them."""
+    if fits(points, expected):
+        return expected
+    return joint_set_of(points) or expected
+
+
+def _alike(one: float, other: float) -> bool:
+    return abs(one - other) < _SAME_LEG * other
+
+
+def _check_legs(layout: JointSet, bones: Array) -> None:
+    """KinemimicError if thighs and shanks (4,) are not a person's: the joints are in another order.
+
+    Both sides are alike, and a thigh is about as long as a shank.
+    """
+    left, right = bones[:2], bones[2:]
+    pairs = [*zip(left, right, strict=True), left, right]
+    if not all(max(pair) <= _UNLIKE * min(pair) for pair in pairs):
+        lengths = ", ".join(f"{length:.3g}" for length in bones)
+        raise KinemimicError(
+            f"expected {len(layout.joints)} joints in the order of {layout.name}, found legs (thigh, shank, "
+            f"left and right) of {lengths}"
+        )
 
 
 class Recogniser:
     """Decides how to read a sender from its first frames; `reading` is None until then.
 
-    up: name of the axis that points up in the sender's axes ("y", "-y", "z", …), None to recognise it.
+    up: name of the axis that points up in the sender's axes ("y", "-y", "z", …), None to recognise it;
+    before: how the sender was read before a pause. Its axes and unit are the same if the legs are as long.
     """
 
-    def __init__(self, up: str | None = None) -> None:
+    def __init__(self, up: str | None = None, before: Reading | None = None) -> None:
         if up is not None and up not in UP_NAMES:
             raise KinemimicError(f"expected an axis among {', '.join(UP_NAMES)}, found {up!r:.20}")
         self.reading: Reading | None = None
-        self._up = up
+        self._up, self._before = up, before
         self._layout: JointSet | None = None
-        self._seen: list[Array] = []
+        self._seen: list[CapturedFrame] = []
 
     def take(self, frame: CapturedFrame) -> bool:
         """Look at a frame; whether it can be read. KinemimicError for another number of joints."""
@@ -100,19 +136,25 @@ class Recogniser:
         if self.reading is None:
             positions, _ = on_nodes(frame, layout)
             if np.isfinite(positions[NEEDED]).all():
-                self._seen.append(positions)
+                self._seen.append(frame)
             if len(self._seen) >= FIRST:
-                seen = np.array(self._seen)
-                self._seen.clear()
+                seen = self._seen
+                self._seen = []
                 self.reading = self._decided(layout, seen)
         return self.reading is not None
 
-    def _decided(self, layout: JointSet, p: Array) -> Reading:
+    def _decided(self, expected: JointSet, frames: Sequence[CapturedFrame]) -> Reading:
+        layout = _ordered(expected, np.array([frame.arrays()[0] for frame in frames]))
+        p = np.array([on_nodes(frame, layout)[0] for frame in frames])
         bones = np.nanmedian(leg_bones(p), axis=0)
+        _check_legs(layout, bones)
         leg = 0.5 * float(bones.sum())
         possible = plausible_units(leg, UNITS)
         if not possible:
             raise KinemimicError(f"expected a leg of human length in {', '.join(UNITS)}, found {leg:.4g}")
+        before = self._before
+        if before is not None and layout is before.layout and _alike(leg * before.metres, before.leg):
+            return replace(before, hips=hip_narrowing(p))
         hips, ankles = (
             0.5 * (p[:, N[f"{joint}_left"]] + p[:, N[f"{joint}_right"]]) for joint in ("hip", "ankle")
         )
@@ -124,4 +166,6 @@ class Recogniser:
             sign = 1 if upward[axis] > 0 else -1
         name = possible[0]
         up = next(spelt for spelt, known in UP_NAMES.items() if known == (axis, sign))
-        return Reading(layout, _TURNS[axis, sign], UNITS[name], name.split()[0], up, hip_narrowing(p))
+        return Reading(
+            layout, _TURNS[axis, sign], UNITS[name], name.split()[0], up, hip_narrowing(p), leg * UNITS[name]
+        )

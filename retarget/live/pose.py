@@ -37,6 +37,7 @@ MIN_AMPLITUDE = 0.10  # m between the ankles, along the heading: a person who st
 LEAN_TIME = 0.5  # s over which the lean of the trunk is averaged, beyond the window itself
 PITCH_TIME = 3.0  # s over which the pitch of planted feet is averaged
 _MAX_TURN = 6.0  # rad/s of the heading; faster, it is a flip
+_ANOTHER = 0.4  # s without a person, after which another may have come
 _PLANTED = 0.35  # m/s of an ankle over the ground
 
 
@@ -81,7 +82,7 @@ class LivePose:
 
     def window(self, moment: Moment) -> PoseWindow:
         """The pose around a moment that shows a person, from the first row of its window that does."""
-        p, now = _since_seen(moment)
+        p, now = _since_seen(moment, self._rate)
         filled = _without_gaps(p)
         heading = self._followed(body_heading(filled, self._rate)[0], now)
         ahead = rotate(from_axis_angle("Z", -heading)[:, None], filled)
@@ -98,7 +99,7 @@ class LivePose:
         else:
             for side in SIDES:
                 frames[:, N[f"ankle_{side}"]] = frames[:, N[f"knee_{side}"]]
-        rotations = self._without_missing(local_rotations(frames))
+        rotations = self._without_missing(local_rotations(frames), now)
         if not self.reliability.precise:
             rotations = limit_knee_extension(rotations)
         rotations = abduct(rotations, self._abduction)
@@ -111,7 +112,6 @@ class LivePose:
         if walking:
             self._widen(along_heading(positions, heading), ahead, now)
         rotations = continuous(rotations)
-        self._held = rotations[now]
         hips = 0.5 * self.scale * (filled[:, N["hip_left"]] + filled[:, N["hip_right"]])
         return PoseWindow(rotations, positions, world, now, heading, hips, heights, walking)
 
@@ -164,11 +164,13 @@ class LivePose:
         self._begun = True
         return self.reliability.precise and bool(np.abs(self._pitch).max() < MAX_FOOT_PITCH)
 
-    def _without_missing(self, rotations: Array) -> Array:
-        """Local rotations (M, 20, 4); those of unseen nodes are held as they were last seen."""
+    def _without_missing(self, rotations: Array, now: int) -> Array:
+        """Local rotations (M, 20, 4), the pelvis' relative to the heading; those of unseen nodes are held as
+        they were last seen."""
         missing = ~all_finite(rotations)
         if missing.any():
             rotations = np.where(missing[..., None], self._held[None], rotations)
+        self._held = rotations[now]
         return rotations
 
     def _widen(self, body: Array, ahead: Array, now: int) -> None:
@@ -191,10 +193,18 @@ def mixed(start: Array, end: Array, share: float) -> Array:
     return normalize((1.0 - share) * start * sign + share * end)
 
 
-def _since_seen(moment: Moment) -> tuple[Array, int]:
-    """Positions (M, 20, 3) from the first row with both legs on, and the row of the moment."""
+def _since_seen(moment: Moment, rate: float) -> tuple[Array, int]:
+    """Positions (M, 20, 3) from the first row with both legs on, and the row of the moment.
+
+    Before a gap of both legs that is longer than `_ANOTHER`, somebody else may have been there.
+    """
     legs = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
-    first = int(np.argmax(np.isfinite(moment.positions[:, legs]).all(axis=(1, 2))))
+    seen = np.isfinite(moment.positions[: moment.now + 1, legs]).all(axis=-1)
+    both = np.flatnonzero(seen.all(axis=-1))
+    gaps = np.flatnonzero(np.diff(both) > _ANOTHER * rate)
+    # A leg that is hidden says nothing about who it is.
+    gaps = gaps[[not seen[both[k] + 1 : both[k + 1]].any() for k in gaps]] if len(gaps) else gaps
+    first = int(both[gaps[-1] + 1]) if len(gaps) else int(both[0]) if len(both) else 0
     # Differences need two rows.
     first = max(0, min(first, len(moment.positions) - 3))
     return moment.positions[first:], moment.now - first

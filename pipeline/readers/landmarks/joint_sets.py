@@ -176,6 +176,11 @@ def joint_set_of(points: Array) -> JointSet | None:
     return best if error <= _LARGEST_ERROR else None
 
 
+def fits(points: Array, joint_set: JointSet) -> bool:
+    """Whether points (T, J, 3) in the order of a set make a body."""
+    return _error(points, joint_set) <= _LARGEST_ERROR
+
+
 def _error(points: Array, joint_set: JointSet) -> float:
     """Mean over the limbs' bones of the variation of their lengths, and of the difference between the sides,
     as shares of the lengths; infinity if a bone is never seen, for a pelvis that is not at the hips, and for

@@ -189,3 +189,28 @@ def test_frames_end_with_the_senders_time(vmc: Vmc) -> None:
     assert len(found[0].positions) == 20
     assert vmc.faults["refused: no OSC"] == 1
     sender.close()
+
+
+def test_a_sender_without_times_after_one_with_them(vmc: Vmc) -> None:
+    sent(vmc, *bones(), message("/VMC/Ext/T", 1.0))
+    vmc.poll(0.0)
+    sent(vmc, *bones(), message("/VMC/Ext/T", 2.0))
+    assert len(vmc.poll(0.1)) == 1
+    found = []
+    for k in range(10):
+        sent(vmc, *bones())
+        found += vmc.poll(3.0 + 0.1 * k)
+    assert len(found) >= 4
+
+
+def test_after_a_pause_the_bones_of_another_avatar_are_not_kept(vmc: Vmc) -> None:
+    """The first one has a chest below its neck, the second has not."""
+    chest = message("/VMC/Ext/Bone/Pos", "Chest", 0.0, 0.2, 0.0, *STRAIGHT)
+    sent(vmc, chest, *bones(), message("/VMC/Ext/T", 1.0))
+    (first,) = vmc.poll(0.0)
+    sent(vmc, *bones(), message("/VMC/Ext/T", 9.0))
+    (second,) = vmc.poll(8.0)
+    heights = [frame.positions[N["shoulder_center"]] for frame in (first, second)]
+    assert heights[0] is not None
+    assert heights[1] is not None
+    assert heights[0][2] == pytest.approx(heights[1][2] + 0.2)

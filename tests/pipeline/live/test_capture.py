@@ -15,9 +15,12 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.live.capture import LAG, LiveCapture, Moment
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
+from kinemimic.pipeline.live.layouts import LAYOUTS
 from kinemimic.pipeline.live.recogniser import _TURNS, UP_NAMES, Recogniser
+from kinemimic.pipeline.readers.landmarks.joint_sets import SETS, JointSet
 
 STEP = 1.0 / 30.0
 CLIP = walker(seconds=2.6).clip
@@ -42,6 +45,14 @@ def played(
         out.append(capture.advance())
         n += 1
     return out
+
+
+def in_layout(layout: JointSet, positions: Array) -> Array:
+    """The points (J, 3) of a layout that shows these nodes (20, 3); others are at the hips."""
+    points = np.tile(positions[0], (len(layout.joints), 1))
+    for node, joints in layout.nodes.items():
+        points[joints] = positions[N[node]]
+    return points
 
 
 def truth(moment: Moment) -> Array:
@@ -241,16 +252,17 @@ def test_a_sender_whose_clock_began_again_is_read_anew() -> None:
 
 
 def test_a_stray_frame_of_another_layout_does_not_shut_out_the_sender() -> None:
-    capture, points = LiveCapture(step=STEP), np.random.default_rng(0).normal(size=(33, 3))
+    capture = LiveCapture(step=STEP)
+    others = [in_layout(LAYOUTS[33], positions) for positions in CLIP.positions]
     capture.take(frames()[0])
-    steadily(capture, [frame_of(k * STEP, points) for k in range(60)])
+    steadily(capture, [frame_of(k * STEP, others[k]) for k in range(60)])
     assert 10 < capture.refused < 20
     assert "expected frames of 20 joints" in capture.last_fault
     assert capture.senders == 2
     # While the sender sends, another is refused.
     capture = LiveCapture(step=STEP)
     for k in range(60):
-        steadily(capture, [frame_of(k * STEP, CLIP.positions[k]), frame_of(k * STEP, points)])
+        steadily(capture, [frame_of(k * STEP, CLIP.positions[k]), frame_of(k * STEP, others[k])])
     assert (capture.refused, capture.frames) == (60, 60)
 
 
@@ -260,3 +272,81 @@ def test_no_human_size_is_refused() -> None:
         for frame in frames(0.001 * CLIP.positions)[:20]:
             capture.take(frame)
     assert capture.advance() is None
+
+
+def only(name: str) -> JointSet:
+    return next(joint_set for joint_set in SETS if joint_set.name == name)
+
+
+@pytest.mark.parametrize("name", ["OpenPose BODY_25", "UTD-MHAD, 20 joints"])
+def test_joints_in_the_order_of_another_program(name: str) -> None:
+    sent = np.array([in_layout(only(name), positions) for positions in CLIP.positions])
+    capture = LiveCapture(step=STEP)
+    moment = seen(played(frames(sent), capture))[-1]
+    assert capture.reading is not None
+    assert capture.reading.layout.name == name
+    legs = [N[f"{joint}_{side}"] for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
+    assert np.abs(moment.positions[moment.now] - truth(moment))[legs].max() < 0.02
+
+
+def test_joints_in_an_unknown_order_are_refused() -> None:
+    capture = LiveCapture(step=STEP)
+    steadily(capture, frames(CLIP.positions[:, ::-1])[:20])
+    assert capture.reading is None
+    assert "expected 20 joints in the order of Kinect v1, found legs" in capture.last_fault
+
+
+def test_a_pelvis_at_the_origin_is_between_the_hips() -> None:
+    relative = CLIP.positions - CLIP.positions[:, :1]
+    capture = LiveCapture(step=STEP)
+    moment = seen(played(frames(relative), capture))[-1]
+    assert np.linalg.norm(moment.positions[moment.now, N["hip_center"]]) < 0.12
+
+
+def test_a_short_clip_that_is_sent_again_and_again() -> None:
+    """Its clock begins anew within the window, where frames also come late."""
+    capture, clip = LiveCapture(step=STEP), frames()[:45]
+    for _ in range(4):
+        steadily(capture, clip)
+    assert capture.senders == 4
+    assert capture.frames > 90
+
+
+def test_a_clock_that_stands_still_is_said() -> None:
+    capture = LiveCapture(step=STEP)
+    for positions in CLIP.positions[:30]:
+        with suppress(KinemimicError):
+            capture.take(frame_of(5.0, positions))
+        capture.advance()
+    assert "expected a later time in every frame, found 5 s again and again" in capture.complaint
+
+
+def test_after_a_pause_the_axes_are_the_same_whatever_the_pose() -> None:
+    """The person bends by 90 degrees while nothing is sent."""
+    capture = LiveCapture(step=STEP)
+    steadily(capture, frames())
+    assert capture.reading is not None
+    assert capture.reading.up == "z"
+    legs = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle", "foot")]
+    upper = np.setdiff1d(np.arange(20), legs)
+    bent, hips = CLIP.positions.copy(), CLIP.positions[:, :1]
+    _, y, z = np.moveaxis(bent[:, upper] - hips, -1, 0)
+    bent[:, upper] = hips + np.stack([2.0 * z, y, -0.3 * z], axis=-1)
+    steadily(capture, frames(bent, TIMES + TIMES[-1] + 1.0))
+    assert capture.senders == 2
+    assert capture.reading.up == "z"
+
+
+@pytest.mark.parametrize("size", [0.0, 1000.0])
+def test_legs_of_another_length_are_nobodys(size: float) -> None:
+    """All joints in one place, as bridges show somebody who is lost; or another unit."""
+    capture = LiveCapture(step=STEP)
+    steadily(capture, frames()[:40])
+    used = capture.frames
+    there = CLIP.positions * size + [0.0, 0.0, 1.2]
+    steadily(capture, frames(there)[40:48])
+    assert capture.frames == used
+    with suppress(KinemimicError):
+        steadily(capture, frames(there)[48:75])
+    assert capture.reading is not None
+    assert capture.reading.unit == ("m" if size == 0.0 else "mm")

@@ -45,6 +45,24 @@ def test_missing_joints_are_nan_and_confidence_becomes_states() -> None:
     assert states.tolist() == [2] * 10 + [1] * 5 + [0] * 5
 
 
+@pytest.mark.parametrize("written", [b"NaN", b"null", b"Infinity", b"-Infinity"])
+def test_a_joint_with_a_number_missing_was_not_seen(written: bytes) -> None:
+    points, states = decoded_frame(line().replace(b"0.1", written, 1)).arrays()
+    assert np.isnan(points[0]).all()
+    assert states.tolist() == [0] + [2] * 19
+    assert np.isfinite(points[1:]).all()
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e6, 1e9])
+def test_times_since_1970_may_be_in_other_units(unit: float) -> None:
+    assert decoded_frame(line(time=1_795_913_150.25 * unit)).time == pytest.approx(1_795_913_150.25, abs=1e-3)
+
+
+def test_a_byte_order_mark_and_a_confidence_with_rounding() -> None:
+    _, states = decoded_frame(b"\xef\xbb\xbf" + line(confidence=[1.0000001] * 20)).arrays()
+    assert (states == 2).all()
+
+
 def test_a_frame_survives_its_text() -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(size=(20, 3))
@@ -72,7 +90,6 @@ def test_a_frame_survives_its_text() -> None:
         line(time=1e300),
         line(positions=[[1.0, 2.0]] * 20),
         line(positions=[[1e9, 0.0, 0.0]] * 20),
-        line().replace(b"0.1", b"NaN", 1),
         line().replace(b"0.1", b"1e999", 1),
         line(states=[2] * 19),
         line(states=[3] * 20),

@@ -6,11 +6,13 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from samples.walker import changing_bones, in_place, joined, walker
 from samples.walker import standing as held
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.live.capture import LiveCapture
 from kinemimic.pipeline.live.frame import frame_of
@@ -27,12 +29,16 @@ TIMES = CLIP.times - CLIP.times[0]
 
 def follow(clip: Clip) -> tuple[Performer, list[tuple[float, Performed]]]:
     """Moments' times and the reference's frames while a clip comes in."""
+    return follow_positions(clip.times - clip.times[0], clip.positions)
+
+
+def follow_positions(times: Array, positions: Array) -> tuple[Performer, list[tuple[float, Performed]]]:
+    """The same for positions (T, 20, 3) at times (T,)."""
     capture, performer = LiveCapture(step=1.0 / RATE), Performer(RATE)
-    times = clip.times - clip.times[0]
     out, k = list[tuple[float, Performed]](), 0
     for n in range(int(times[-1] * RATE)):
         while k < len(times) and times[k] <= n / RATE + 1e-9:
-            capture.take(frame_of(times[k], clip.positions[k]))
+            capture.take(frame_of(times[k], positions[k]))
             k += 1
         moment = capture.advance()
         out.append((np.nan if moment is None else moment.time, performer.perform(moment)))
@@ -112,3 +118,33 @@ def test_nobody_is_a_person_who_stands() -> None:
     for one, two in pairwise(whole):
         assert angle_between(one.rotations, two.rotations).max() < 0.8
         assert np.linalg.norm(two.root - one.root) < 0.12
+
+
+@pytest.mark.parametrize("missing", ["spine", "hip_center"])
+def test_a_joint_of_the_trunk_that_is_never_seen_does_not_turn_the_body(missing: str) -> None:
+    """A pelvis at the origin counts as not seen; the walker's heading is 60 degrees to the left."""
+    turn = from_axis_angle("Z", np.radians(60.0))
+    positions = rotate(turn, CLIP.positions)
+    if missing == "hip_center":
+        positions = positions - positions[:, :1]
+    positions[:, N[missing]] = 0.0
+    _, frames = follow_positions(TIMES, positions)
+    shown = [one.rotations for _, one in frames if one.presence >= 1.0]
+    ahead = np.array([rotate(one[0], np.array([1.0, 0.0, 0.0])) for one in shown])
+    yaw = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    assert len(yaw) > 60
+    assert np.abs(np.diff(yaw)).max() < np.radians(5.0)
+    assert np.ptp(yaw) < np.radians(25.0)
+
+
+def test_somebody_else_who_stands_elsewhere_is_no_walk() -> None:
+    """The person leaves, nobody is seen for a while, and another one stands 2.5 m to the side."""
+    first, second = walker(seconds=1.6, rate=RATE).clip, held(CLIP, 1.5)
+    nobody = np.full((round(0.6 * RATE), *first.positions.shape[1:]), np.nan)
+    other = 0.8 * second.positions + [0.0, 2.5, 0.0]
+    positions = np.concatenate([first.positions, nobody, other])
+    _, frames = follow_positions(np.arange(len(positions)) / RATE, positions)
+    root = np.array([one.root for _, one in frames])
+    after = root[len(first.times) + len(nobody) :, :2]
+    speed = RATE * np.linalg.norm(np.diff(after, axis=0), axis=1)
+    assert speed.max() < 1.0
