@@ -29,6 +29,21 @@ def knee_warnings(report: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def side_warnings(report: Mapping[str, Any]) -> list[str]:
+    """That one side of a loop is the other's mirror image, because none of its strides could be used."""
+    if not report["symmetric"]:
+        return []
+    used = [row for row in report["bouts"] if row["used"]]
+    legs = {side: sum(row[f"{side}_legs_used"] for row in used) for side in SIDES}
+    unused = [side for side in SIDES if not legs[side]]
+    if len(unused) != 1:
+        return []
+    return [
+        f"no stride of the {unused[0]} leg could be used: it is the mirror image of the other one, and shows "
+        "nothing about a difference between the sides; retarget --no-loop keeps it as recorded"
+    ]
+
+
 def climb_warnings(report: Mapping[str, Any]) -> list[str]:
     """What the level loop leaves out of a walk up or down, from its gait.json."""
     climb = report["climb"]

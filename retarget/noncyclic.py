@@ -13,6 +13,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED
 from kinemimic.pipeline.kinematics.orientation.from_positions import FOOT_DROP, local_rotations
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
@@ -120,7 +121,12 @@ def _require_legs(positions: Array) -> None:
             f"retarget: expected at least 2 frames in a pass, found {len(positions)}; make a longer recording"
         )
     if np.isfinite(leg_bones(positions)).all(axis=1).sum() < 2:
-        raise KinemimicError("retarget: expected both legs in at least 2 frames, found them in fewer")
+        seen = {name: np.isfinite(positions[:, N[name]]).all(axis=-1).sum() for name in REQUIRED}
+        least = min(seen, key=seen.__getitem__)
+        raise KinemimicError(
+            f"retarget: expected both legs in at least 2 frames, found {least} in {seen[least]} of "
+            f"{len(positions)}; record both legs whole, or see in `kinemimic inspect` what the sensor missed"
+        )
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from kinemimic.retarget.motion_warnings import (
     held_feet_warnings,
     knee_warnings,
     lean_warnings,
+    side_warnings,
 )
 from kinemimic.retarget.noncyclic import NonCyclicFit
 from kinemimic.retarget.strides.climb import Climb, climb_of
@@ -67,7 +68,8 @@ def cyclic_report(
             for name, one in (("closed_form", closed), ("measures", fit))
         },
     }
-    warnings = [*climb_warnings(report), *knee_warnings(report), *departure_warnings(report)]
+    warnings = [*climb_warnings(report), *side_warnings(report), *knee_warnings(report)]
+    warnings += departure_warnings(report)
     return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
 
 

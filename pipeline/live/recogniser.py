@@ -98,9 +98,8 @@ def _check_legs(layout: JointSet, bones: Array) -> None:
 
     Both sides are alike, and a thigh is about as long as a shank.
     """
-    left, right = bones[:2], bones[2:]
-    pairs = [*zip(left, right, strict=True), left, right]
-    if not all(max(pair) <= _UNLIKE * min(pair) for pair in pairs):
+    pairs = bones[[[0, 2], [1, 3], [0, 1], [2, 3]]]
+    if not (pairs.max(axis=1) <= _UNLIKE * pairs.min(axis=1)).all():
         lengths = ", ".join(f"{length:.3g}" for length in bones)
         raise KinemimicError(
             f"expected {len(layout.joints)} joints in the order of {layout.name}, found legs (thigh, shank, "

@@ -7,6 +7,7 @@ over and velocities come from both sides, and the row of the moment is kept.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -199,12 +200,13 @@ def _since_seen(moment: Moment, rate: float) -> tuple[Array, int]:
     Before a gap of both legs that is longer than `_ANOTHER`, somebody else may have been there.
     """
     legs = [N[f"{joint}_{side}"] for side in SIDES for joint in ("hip", "knee", "ankle")]
-    seen = np.isfinite(moment.positions[: moment.now + 1, legs]).all(axis=-1)
-    both = np.flatnonzero(seen.all(axis=-1))
-    gaps = np.flatnonzero(np.diff(both) > _ANOTHER * rate)
-    # A leg that is hidden says nothing about who it is.
-    gaps = gaps[[not seen[both[k] + 1 : both[k + 1]].any() for k in gaps]] if len(gaps) else gaps
-    first = int(both[gaps[-1] + 1]) if len(gaps) else int(both[0]) if len(both) else 0
+    seen = all_finite(moment.positions[: moment.now + 1, legs])
+    both = np.flatnonzero(seen.all(axis=-1)).tolist()
+    first = both[0] if both else 0
+    for last, again in pairwise(both):
+        # One leg that is hidden says nothing about who it is.
+        if again - last > _ANOTHER * rate and not seen[last + 1 : again].any():
+            first = again
     # Differences need two rows.
     first = max(0, min(first, len(moment.positions) - 3))
     return moment.positions[first:], moment.now - first

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kinemimic.retarget.motion_warnings import knee_warnings
+from kinemimic.retarget.motion_warnings import knee_warnings, side_warnings
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,18 @@ def test_the_limit_depends_on_the_sensor(precise: bool, left: float, warned: boo
 def test_a_knee_without_a_score_is_not_warned_of() -> None:
     report = {"reliability": {"precise": True}, "r2_loop_against_capture": {"knee_left": None}}
     assert knee_warnings(report) == []
+
+
+@pytest.mark.parametrize(
+    ("symmetric", "left", "right", "warned"),
+    [(True, 7, 0, "right"), (True, 0, 3, "left"), (True, 7, 1, ""), (False, 7, 0, ""), (True, 0, 0, "")],
+)
+def test_a_side_that_is_only_a_mirror_image(symmetric: bool, left: int, right: int, warned: str) -> None:
+    bouts = [
+        {"used": True, "left_legs_used": left, "right_legs_used": right},
+        {"used": False, "left_legs_used": 5, "right_legs_used": 5},
+    ]
+    found = side_warnings({"symmetric": symmetric, "bouts": bouts})
+    assert bool(found) == bool(warned)
+    if warned:
+        assert f"no stride of the {warned} leg could be used" in found[0]

@@ -9,6 +9,7 @@ import pytest
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
@@ -19,7 +20,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
 from kinemimic.retarget.motion_warnings import held_feet_warnings, lean_warnings
-from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
+from kinemimic.retarget.noncyclic import NonCyclicFit, _require_legs, fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 
@@ -170,3 +171,11 @@ def test_a_body_turned_as_far_as_possible_may_sit() -> None:
     assert lean_warnings(0.0) == []
     assert "by 7° more" in lean_warnings(np.radians(7.0))[0]
     assert "a person who sits" in lean_warnings(LARGEST_LEAN)[0]
+
+
+def test_a_leg_that_is_never_seen_is_named() -> None:
+    positions = np.zeros((90, 20, 3))
+    positions[3:, N["ankle_right"]] = np.nan
+    positions[1:, N["knee_left"]] = np.nan
+    with pytest.raises(KinemimicError, match="both legs in at least 2 frames, found knee_left in 1 of 90;"):
+        _require_legs(positions)

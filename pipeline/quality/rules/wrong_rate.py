@@ -29,6 +29,10 @@ MIN_KNEE_RANGE = np.radians(35.0)
 MIN_AUTOCORRELATION = 0.6
 MAX_SIDE_CORRELATION = 0.3
 MIN_STRIDES = 2.2
+# Share by which strides as counted may differ from the one after which the knees repeat; and of the standard
+# deviation of their difference, by which a knee is the more bent one.
+MAX_COUNT_ERROR = 0.3
+MIN_SIDE_LEAD = 0.5
 # 90th percentile of the horizontal speed between the ankles, m/s: brisk walks 5.0, runs 4.3 to 6.8. Only
 # runners bend the knees by more than this (95th percentile): runs 94 to 130 degrees, walks up to 77.
 MAX_WALKING_ANKLE_SPEED = 5.4
@@ -52,6 +56,10 @@ def detect(clip: Clip) -> list[Defect]:
     span = max(spans, key=lambda one: float(clip.times[one.stop - 1] - clip.times[one.start]))
     points, rate = nodes_of(clip)[span], clip.rate
     period = stride_duration(points, clip.times[span])
+    counted = None if period is None else mean_stride(points, clip.times[span])
+    if period is not None and counted is not None and abs(counted / period - 1.0) > MAX_COUNT_ERROR:
+        # Of a gait that changes, the knees may repeat after several strides, or after a part of one.
+        period = None
     if period is not None and not HUMAN_STRIDE[0] <= period <= HUMAN_STRIDE[1]:
         text = (
             f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside {HUMAN_STRIDE[0]:g} to "
@@ -125,6 +133,24 @@ def stride_duration(points: Array, times: Array) -> float | None:
         return None
     period = repeats_after(left - right - np.mean(left - right))
     return None if period is None else float(period * (even[1] - even[0]))
+
+
+def mean_stride(points: Array, times: Array) -> float | None:
+    """Mean duration of the strides in seconds, by how often the other knee is the more bent one; None below
+    one stride.
+
+    Arguments as for `stride_duration`. A knee counts once it is more bent by a part of the usual difference,
+    so that noise about zero counts as nothing.
+    """
+    wave = bend(points, "left") - bend(points, "right")
+    known = np.isfinite(wave)
+    wave, at = wave[known] - np.median(wave[known]), times[known]
+    most = MIN_SIDE_LEAD * float(np.std(wave))
+    led = np.flatnonzero(np.abs(wave) > most)
+    changes = led[1:][np.diff(np.sign(wave[led])) != 0.0]
+    if len(changes) < 3:
+        return None
+    return float(2.0 * (at[changes[-1]] - at[changes[0]]) / (len(changes) - 1))
 
 
 def repeats_after(wave: Array) -> int | None:

@@ -186,7 +186,7 @@ def _declared(source: Source, start: int) -> tuple[int, float, int]:
             number, line = filled[position] if position < len(filled) else (len(source.lines) - 1, "")
             shown = repr(line.strip()[:40]) if line else "the end of the file"
             raise source.error(expected=f"{key}: and a number", found=shown, line=number + 1)
-    count, (line, written) = values["Frames"][1], values["Frame Time"]
+    count, (at, written) = values["Frames"][1], values["Frame Time"]
     frames = int(count) if count.isascii() and count.isdigit() and len(count) < 12 else 0
     seconds = to_number(_SECONDS.sub("", written) or "0")
     if seconds is None or not (seconds == 0.0 or _FRAME_TIMES[0] <= seconds <= _FRAME_TIMES[1]):
@@ -194,7 +194,7 @@ def _declared(source: Source, start: int) -> tuple[int, float, int]:
         raise source.error(
             expected=f"a frame time of {_FRAME_TIMES[0]:g} to {_FRAME_TIMES[1]:g} s",
             found=repr(written[:40]),
-            line=line + 1,
+            line=at + 1,
             advice=f"if these are frames per second, write {1.0 / seconds:.6f} there"
             if is_rate and seconds
             else "write the seconds from one frame to the next there, or 0 and give --rate",

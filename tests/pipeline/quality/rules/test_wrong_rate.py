@@ -35,6 +35,18 @@ def test_a_clock_that_no_walker_has(moving: Moving) -> None:
     assert wrong_rate.detect(replace(clip, times=0.7 * clip.times)) == []  # brisk
 
 
+def test_a_gait_that_changes_is_no_wrong_rate(moving: Moving, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its knees may repeat after several strides; the strides themselves are as long as a person's."""
+    clip = moving(240, noise=0.008)
+    period = wrong_rate.stride_duration(nodes_of(clip), clip.times)
+    assert period is not None
+    counted = wrong_rate.mean_stride(nodes_of(clip), clip.times)
+    assert counted == pytest.approx(period, rel=0.1)
+    for strides in (3.0, 0.3):
+        monkeypatch.setattr(wrong_rate, "stride_duration", lambda *_, times=strides: times * period)
+        assert wrong_rate.detect(clip) == []
+
+
 def test_a_sprinters_ankles_on_a_walkers_knees(moving: Moving) -> None:
     """A brisk walk recorded at 30 Hz and declared as 60 Hz: its stride of 0.6 s is still human."""
     walk = moving(240)
