@@ -37,11 +37,11 @@ FORMAT = Format(
     sensor="unknown, often a video",
     holds=f"positions of {', '.join(map(str, sorted(COUNTS)[:-1]))} or {max(COUNTS)} joints",
     recognised_by="an .npy file, or an .npz archive or MAT-file with one array, of shape (frames, joints, "
-    "3), also with a visibility, or in a row, or HumanML3D's 263 numbers",
+    "3), also with a visibility, or in a row, or HumanML3D's 263 or KIT-ML's 251 numbers",
     binary=True,
 )
 _MOST_AXES = 4
-_WIDTHS = {*FIELDS_OF_ROW, humanml3d.WIDTH}
+_WIDTHS = {*FIELDS_OF_ROW, *humanml3d.JOINTS}
 
 
 def recognises(source: Source) -> bool:
@@ -156,6 +156,6 @@ def _by_joint(values: Any, way: _Way) -> Any:
     if way.joints >= 0:
         return np.moveaxis(values, way, (-3, -2, -1)).reshape([values.shape[axis] for axis in way])
     frames = np.moveaxis(values, (way.frames, way.numbers), (-2, -1)).reshape(values.shape[way.frames], -1)
-    if frames.shape[1] == humanml3d.WIDTH:
+    if frames.shape[1] in humanml3d.JOINTS:
         return humanml3d.joints_of(frames)
     return frames.reshape(len(frames), -1, FIELDS_OF_ROW[frames.shape[1]])

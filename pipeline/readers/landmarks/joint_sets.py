@@ -105,6 +105,12 @@ _UTD_MHAD: tuple[str, ...] = (
     *(f"{joint}_{side}" for side in _SIDES for joint in ("shoulder", "elbow", "wrist", "hand")),
     *(f"{joint}_{side}" for side in _SIDES for joint in ("hip", "knee", "ankle", "foot")),
 )  # fmt: skip
+# Of the KIT Motion-Language data set, as text-to-motion networks have it: middle and end of each foot.
+_KIT_ML: tuple[str, ...] = (
+    "pelvis", "spine", "chest", "neck", "head",
+    *(f"{side}_{joint}" for side in ("right", "left") for joint in ("shoulder", "elbow", "wrist")),
+    *(f"{side}_{joint}" for side in ("right", "left") for joint in ("hip", "knee", "ankle", "arch", "toes")),
+)  # fmt: skip
 _SMPL_24 = (*SMPL_22, "left_hand", "right_hand")
 # COCO's body with feet, a face and hands.
 _WHOLE_BODY: tuple[str, ...] = (
@@ -137,6 +143,7 @@ SETS: tuple[JointSet, ...] = (
     # HumanML3D's, and what is generated in its form.
     JointSet("SMPL, 22 joints", SMPL_22, Y_UP_TO_Z_UP, rate=20.0),
     JointSet("SMPL, 24 joints", _SMPL_24, Y_UP_TO_Z_UP),
+    JointSet("KIT-ML, 21 joints", _KIT_ML, Y_UP_TO_Z_UP, rate=12.5),
     KINECT_V2,
     JointSet(
         "OpenPose BODY_25", _BODY_25, WORLD_FROM_CAMERA, also={**_HEAD, **_TOES},

@@ -19,10 +19,10 @@ from kinemimic.pipeline.readers.base.source import Source
 BODY = 22
 COUNTS = (BODY, 24, 52, 55)
 # What is in the world comes before what is in the camera's axes.
-_WHOLE: tuple[str, ...] = ("poses", "pose_world", "pose", "fullpose", "smpl_pose", "thetas")
+_WHOLE: tuple[str, ...] = ("poses", "pose_world", "pose", "fullpose", "smpl_pose", "smpl_poses", "thetas")
 _ROOT: tuple[str, ...] = ("root_orient", "global_orient", "root_pose")
 _PARTS: tuple[str, ...] = ("pose_body", "body_pose")
-_PATH: tuple[str, ...] = ("trans_world", "trans", "transl", "translation")
+_PATH: tuple[str, ...] = ("trans_world", "trans", "transl", "translation", "smpl_trans")
 # Largest difference of a rotation matrix times its transpose from the identity.
 _NOT_A_ROTATION = 0.01
 

@@ -80,6 +80,7 @@ def test_the_names_and_shapes_of_other_programs(rate: str) -> None:
         {"global_orient": matrices[:, :1], "body_pose": matrices[:, 1:], "transl": arrays["trans"]},
         {"poses": poses.reshape(FRAMES, 24, 3), "trans": arrays["trans"][:, None]},
         {"fullpose": poses.reshape(FRAMES, 24, 3), "transl": arrays["trans"]},
+        {"smpl_poses": poses, "smpl_trans": arrays["trans"], "smpl_scaling": np.ones(1)},
         {"pose": root, "pose_world": poses, "trans": root, "trans_world": arrays["trans"]},
     ]
     for other in others:
