@@ -89,10 +89,15 @@ def joints_of(clip: Clip) -> dict[str, int]:
     """
     found = joints_by_name(clip.skeleton.names)
     lacking = [node for node in REQUIRED if node not in found]
+    names = clip.skeleton.names
     if not lacking and not {"spine", "shoulder_center"} & found.keys():
         lacking = [f"shoulder_{side}" for side in SIDES if f"shoulder_{side}" not in found]
+        if len(lacking) == len(SIDES):
+            raise KinemimicError(
+                f"expected joints of the trunk beside the legs, found none among {listed(names)}; record or "
+                "export a spine, a neck or both shoulders as well, or rename them"
+            )
     if lacking:
-        names = clip.skeleton.names
         raise KinemimicError(
             "expected joints for hips, knees, ankles and a trunk, found none for "
             f"{', '.join(lacking)} among {listed(names)}; {HOW_TO_NAME}"

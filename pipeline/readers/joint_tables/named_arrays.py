@@ -60,7 +60,7 @@ def read(source: Source) -> Clip:
         return joint_table.clip_of_table(table, FORMAT)
     raise source.error(
         expected=f"places of a body's joints in {places}, and a name for each",
-        found="others, or a name twice",
+        found="others, a name twice, or no joint of the trunk (spine, neck or shoulders)",
         advice="save it as CSV and describe its columns (`kinemimic inspect --suggest` drafts that)",
     )
 

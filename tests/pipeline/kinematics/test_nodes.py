@@ -154,7 +154,7 @@ def test_an_elbow_between_shoulder_and_wrist(node_clip: Build) -> None:
 
 
 def test_a_capture_without_a_trunk_is_refused(node_clip: Build) -> None:
-    with pytest.raises(KinemimicError, match="found none for shoulder_left, shoulder_right among"):
+    with pytest.raises(KinemimicError, match="joints of the trunk beside the legs, found none among"):
         to_nodes(only(node_clip(), (*LEGS, "hip_center")))
 
 

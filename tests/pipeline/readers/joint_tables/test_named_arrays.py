@@ -87,7 +87,7 @@ def test_places_are_neither_velocities_nor_centres_of_mass() -> None:
 
 def test_no_body() -> None:
     names = np.array(list(sample.BODIES))
-    with pytest.raises(CaptureError, match="found others, or a name twice"):
+    with pytest.raises(CaptureError, match="found others, a name twice, or no joint of the trunk"):
         read(archive(names=np.append(names, "head"), points=np.zeros((FRAMES, 16, 3))))
     with pytest.raises(CaptureError, match="expected numbers in points, found <U4"):
         read(archive(names=names, points=np.full((FRAMES, 15, 3), "no!!")))
