@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
@@ -104,6 +106,7 @@ def joints_of(clip: Clip) -> dict[str, int]:
         )
     _take_pelvis(clip, found)
     _prefer(clip, found)
+    _fill_by_tree(clip, found)
     for node, start in _BEYOND.items():
         if node in found and start in found:
             ends = (clip.positions[:, found[name]] for name in (start, node))
@@ -166,6 +169,37 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
         found["head"] = parents[head]
 
 
+def _fill_by_tree(clip: Clip, found: dict[str, int]) -> None:
+    """Find joints whose names are not known by their place in the tree: an elbow between shoulder and
+    wrist, a wrist below the elbow, a spine between pelvis and shoulders."""
+    parents = clip.skeleton.parents
+
+    def distance(a: int, b: int) -> float:
+        return median_distance(clip.positions[:, a], clip.positions[:, b])
+
+    for side in SIDES:
+        shoulder, elbow, wrist = (found.get(f"{joint}_{side}") for joint in ("shoulder", "elbow", "wrist"))
+        if elbow is not None and wrist is None:
+            below = [joint for joint, parent in enumerate(parents) if parent == elbow]
+            _take(found, f"wrist_{side}", {joint: distance(elbow, joint) for joint in below})
+        end = found.get(f"hand_{side}") if wrist is None else wrist
+        above = [] if end is None else ancestors(parents, end)
+        if elbow is None and end is not None and shoulder in above:
+            between = above[: above.index(shoulder)]
+            nearer = {joint: min(distance(shoulder, joint), distance(joint, end)) for joint in between}
+            _take(found, f"elbow_{side}", nearer)
+    if "spine" not in found and "hip_center" in found:
+        _lower_spine(clip, found)
+
+
+def _take(found: dict[str, int], node: str, joints: Mapping[int, float]) -> None:
+    """Take for a node the joint with the largest distance (m), if it is apart and no other node's."""
+    free = {joint: away for joint, away in joints.items() if joint not in found.values()}
+    best = max(free, key=free.__getitem__, default=None)
+    if best is not None and _APART <= free[best] < np.inf:
+        found[node] = best
+
+
 def _lower_spine(clip: Clip, found: dict[str, int]) -> None:
     """Prefer a joint of the lower trunk to one of the chest: the line from the hips to the chest leans with
     the back, and hip flexion with it. Skeletons with an abdomen and a chest have no joint called spine."""
@@ -182,7 +216,7 @@ def _lower_spine(clip: Clip, found: dict[str, int]) -> None:
     lower = [
         joint for joint in _trunk(clip, found, hips) if _LOWER_TRUNK[0] <= height(joint) <= _LOWER_TRUNK[1]
     ]
-    if height(found["spine"]) > _LOWER_TRUNK[1] and lower:
+    if lower and ("spine" not in found or height(found["spine"]) > _LOWER_TRUNK[1]):
         found["spine"] = min(lower, key=lambda joint: abs(height(joint) - 1.0 / 3.0))
 
 

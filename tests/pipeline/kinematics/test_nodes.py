@@ -153,6 +153,16 @@ def test_an_elbow_between_shoulder_and_wrist(node_clip: Build) -> None:
     assert derived_nodes(clip) == ("elbow_left", "hand_left")
 
 
+@pytest.mark.parametrize("node", ["elbow_left", "wrist_right", "spine"])
+def test_a_joint_of_an_unknown_name_is_found_by_its_place(node: str, node_clip: Build) -> None:
+    clip = node_clip()
+    if node == "wrist_right":
+        clip = rename(clip, "hand_right", "another")
+    positions, _ = to_nodes(rename(clip, node, "thing"))
+    expected = clip.positions[:, clip.skeleton.index(node)]
+    np.testing.assert_array_equal(positions[:, NODE_INDEX[node]], expected)
+
+
 def test_a_capture_without_a_trunk_is_refused(node_clip: Build) -> None:
     with pytest.raises(KinemimicError, match="joints of the trunk beside the legs, found none among"):
         to_nodes(only(node_clip(), (*LEGS, "hip_center")))
