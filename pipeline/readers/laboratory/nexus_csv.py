@@ -33,6 +33,7 @@ from kinemimic.pipeline.readers.laboratory.nexus_sections import (
     Item,
     Section,
     is_components,
+    is_events,
     read_section,
     separator_of,
     title_of,
@@ -88,6 +89,8 @@ def recognises(source: Source) -> bool:
     title = next((k for k, line in enumerate(head) if title_of(line, separator)), None)
     if title is None:
         return False
+    if title == 0 and any(is_events(line) for line in head[1:4]):
+        return True
     components = next((line for line in source.head[title + 1 : title + 8] if is_components(line)), "")
     return bool(components) and (title == 0 or components.lstrip(' "').startswith(FIELD[0]))
 

@@ -10,6 +10,7 @@ Frame", and no line of units: lengths are in mm.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,7 @@ TRAJECTORIES, MODEL_OUTPUTS = "Trajectories", "Model Outputs"
 TITLES: tuple[str, ...] = (TRAJECTORIES, MODEL_OUTPUTS, "Joints", "Segments", "Devices", "Events", "Analysis")
 # What stands beside the components, above the frames' numbers; and in files of older programs.
 FRAME, FIELD = ("Frame", "Sub Frame"), ("Field #",)
+_EVENTS = ("Subject", "Context", "Name")
 # Of lengths in files of older programs.
 _UNIT = "mm"
 _MAX_RATE = 10_000.0
@@ -56,14 +58,20 @@ class Section:
 
 
 def separator_of(source: Source) -> str:
-    """The separator: the most frequent one in the line of components."""
-    line = next((line for line in source.head if is_components(line)), source.head[0])
+    """The separator: the most frequent one in the line of components, or in that above the events."""
+    line = next((line for line in source.head if is_components(line) or is_events(line)), source.head[0])
     return max(",\t;", key=line.count)
 
 
 def is_components(line: str) -> bool:
     """Whether a line may be that of the components."""
     return line.replace('"', "").lstrip().startswith((FRAME[0], FIELD[0]))
+
+
+def is_events(line: str) -> bool:
+    """Whether a line may be that above the events, which come before everything else."""
+    words = re.split(r"[,;\t]", line.replace('"', ""))
+    return [word.strip() for word in words[: len(_EVENTS)]] == [*_EVENTS]
 
 
 def title_of(line: str, separator: str) -> str | None:

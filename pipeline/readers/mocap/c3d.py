@@ -7,6 +7,7 @@ with matrices of 4 by 4, of which the origins are read. Needs the library ezc3d 
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,8 @@ _UP: dict[str, Array] = {
 # In metres: usual distance between the outermost points of an adult's body, and its limits.
 _ADULT_SPAN, _SPAN_LIMITS = 1.6, (0.6, 3.0)
 _MAX_RATE = 10000.0
+# Outputs of a model that are no places, among a file's points.
+_OUTPUT = re.compile(r"(?:Angles?|Forces?|Moments?|Powers?|Torques?|GRF)\d?$")
 # Of markers in a file without a rate, in Hz: the usual one of laboratories.
 RATE = 100.0
 
@@ -97,7 +100,14 @@ def _of_kinect(content: Points, labels: tuple[str, ...], source: Source) -> Clip
 
 def _of_laboratory(content: Points, labels: tuple[str, ...], source: Source) -> Clip:
     """The nodes that one person's markers give."""
-    labels, points, wrong = main_person(labels, content.positions)
+    places = [k for k, label in enumerate(labels) if _OUTPUT.search(label) is None]
+    if not places:
+        raise source.error(
+            expected="markers or joint centres", found=f"outputs of a model alone ({', '.join(labels)[:80]})",
+            advice="export the markers as well",
+        )  # fmt: skip
+    kept = tuple(labels[k] for k in places)
+    labels, points, wrong = main_person(kept, content.positions[:, places])
     require_legs(labels, points, source)  # while unknown labels are still there to be named
     known = body_labels(labels)
     body = _body(known, labels, points, content.units, source)

@@ -19,7 +19,8 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 # 2007, Color Atlas of Skeletal Landmark Definitions, as in Visual3D, Qualisys and Motive; Motive's Baseline
 # and Qualisys' sports set (WaistLFront, LKneeOut …); Motek's Human Body Model (LLEK, LMEK …); the CMU
 # library (LFWT, LBWT: the front and back of the waist); the medial markers of the Conventional Gait Model 2
-# (LKNM, LMED); and plain words.
+# (LKNM, LMED), of AMASS (LKNI, LANI) and the Oxford foot (LMMA); the points of Xsens MVN's C3D
+# (pRightKneeLatEpicondyle); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
     "asis": (("*asi",), ("*asis",), ("*ias",), ("*sias",), ("waist*front",), ("*fwt",)),
     "psis": (("*psi",), ("*psis",), ("*ips",), ("*sips",), ("waist*back",), ("*bwt",)),
@@ -44,6 +45,9 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lfe",),
         ("*knel",),
         ("*knee1",),
+        ("*lep",),
+        ("*lcon",),
+        ("*kneelatepicondyle",),
     ),
     "knee_medial": (
         ("*kneemed",),
@@ -66,6 +70,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*mk",),
         ("*mfe",),
         ("*knee2",),
+        ("*mep",),
+        ("*mcon",),
+        ("*kni",),
+        ("*kneemedepicondyle",),
     ),
     "ankle_lateral": (
         ("*anklelat",),
@@ -87,6 +95,7 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*anklat",),
         ("*ankl",),
         ("*mall",),
+        ("*lml",),
     ),
     "ankle_medial": (
         ("*anklemed",),
@@ -107,6 +116,9 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*med",),
         ("*mankle",),
         ("*ma",),
+        ("*mml",),
+        ("*mma",),
+        ("*ani",),
     ),
     "toes": (
         ("*toetip",),
@@ -120,6 +132,7 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*toeout", "*toein"),
         ("*forefootout", "*forefootin"),
         ("*met",),
+        ("*firstmetatarsal", "*fifthmetatarsal"),
     ),
     "acromion": (
         ("*acromium",),
@@ -143,6 +156,7 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*elbowout", "*elbowin"),
         ("*latelbow", "*medelbow"),
         ("*lee", "*mee"),
+        ("*armlatepicondyle", "*armmedepicondyle"),
         ("*elbow",),
     ),
     "wrist": (
@@ -161,8 +175,8 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
     "hand": (("*fin",), ("*hand",), ("*hm2",), ("*handout",)),
 }
 _MIDDLE: dict[str, tuple[tuple[str, ...], ...]] = {
-    "sacrum": (("vsacral",), ("sacr",), ("sacrum",), ("sacral",), ("waistback",)),
-    "neck_back": (("c7",), ("cv7",)),
+    "sacrum": (("vsacral",), ("sacr",), ("sacrum",), ("sacral",), ("waistback",), ("sac",)),
+    "neck_back": (("c7",), ("cv7",), ("c7spinalprocess",)),
     "neck_front": (("clav",), ("sjn",)),
     "head": (
         ("lfhd", "rfhd", "lbhd", "rbhd"),
@@ -170,6 +184,7 @@ _MIDDLE: dict[str, tuple[tuple[str, ...], ...]] = {
         ("headl", "headr"),
         ("tophead",),
         ("headtop",),
+        ("topofhead",),
     ),
 }
 # Clusters of three markers on a segment without markers at its joints.
@@ -195,6 +210,10 @@ _JOINT_OF_LETTER = {"h": "hip", "k": "knee", "a": "ankle", "s": "shoulder", "e":
 # Of points that are found as hips: in the middle of the thigh or the shank, beside a knee.
 _ON_LEG = re.compile(r"thigh|^(?:l|r|left|right)leg$")
 _FIRST_WORD = re.compile(r"([^_.\s-]*)[_.\s-]+(.*[A-Za-z].*)")
+# Before the names of Xsens MVN's points.
+_POINT = re.compile(r"^p(?=[A-Z][A-Za-z0-9]{2})")
+# Labels of points without a name.
+_UNNAMED = re.compile(r"\*?\d*|(?:unlabell?ed|new)[ _]?\d+", re.IGNORECASE)
 # Letters of a word behind which a side may stand; shorter ones would be other labels (le + l).
 _LONG_WORD = 4
 # A word before fewer labels is not a subject's name: Top.Head alone says nothing about "Top".
@@ -262,11 +281,14 @@ def without_subject(labels: Sequence[str]) -> tuple[str, ...]:
     A side ("L_IAS") is not a name.
     """
     bare = tuple(label.rsplit(":", 1)[-1].strip() for label in labels)
+    if sum(map(bool, map(_POINT.match, bare))) > len(bare) // 2:
+        bare = tuple(_POINT.sub("", label) for label in bare)
     while True:
         parts = [_FIRST_WORD.fullmatch(label) for label in bare]
         words = Counter(part[1].lower() for part in parts if part)
         word, count = max(words.items(), key=lambda item: item[1], default=("", 0))
-        if count < max(_FEWEST_OF_SUBJECT, len(bare) // 2 + 1) or word in ("l", "r", *SIDES):
+        named = sum(_UNNAMED.fullmatch(label) is None for label in bare)
+        if count < max(_FEWEST_OF_SUBJECT, named // 2 + 1) or word in ("l", "r", *SIDES):
             return bare
         bare = tuple(
             part[2] if part and part[1].lower() == word else label

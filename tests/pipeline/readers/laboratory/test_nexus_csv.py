@@ -79,6 +79,19 @@ def test_both_sections_in_either_order() -> None:
     assert np.allclose(clip.angles["knee_left"], np.radians(7.0))
 
 
+@pytest.mark.parametrize("count", [0, 2, 40])
+@pytest.mark.parametrize("sections", [OUTPUTS, TRAJECTORIES, [*OUTPUTS, "", *TRAJECTORIES]])
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_events_before_everything_else(count: int, sections: list[str], separator: str) -> None:
+    event = "Test,Left,Foot Strike,{:.3f},The instant the heel strikes the ground"
+    events = ["Events", f"{sample.RATE:g}", "Subject,Context,Name,Time (s),Description"]
+    events += [event.format(0.4 + 0.5 * k) for k in range(count)]
+    clip = read([line.replace(",", separator) for line in [*events, "", *sections]])
+    same = read(sections)
+    assert clip.rate == pytest.approx(same.rate)
+    np.testing.assert_array_equal(clip.positions, same.positions)
+
+
 @pytest.mark.parametrize("facts", [[], ["Title,,", "Date:,,", "Notes:,,", ",,"]])
 def test_the_layout_of_older_programs(facts: list[str]) -> None:
     """Titles in capitals below a few facts, one column of frames, no units, angles among the markers."""

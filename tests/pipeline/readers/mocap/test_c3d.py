@@ -147,6 +147,18 @@ def test_the_refusal_lists_the_labels_of_the_file() -> None:
         read(written(labels, points, rate=RATE, units="m"))
 
 
+def test_outputs_of_a_model_are_no_places() -> None:
+    places = markers(in_sight(walk(30, RATE)))
+    points = np.stack(list(places.values()), axis=1)
+    outputs = ["LHipAngles", "LKneeAngles", "LAnkleAngles", "LKneeMoment", "LAnklePower"]
+    numbers = np.random.default_rng(1).normal(0.0, 30.0, (30, len(outputs), 3))
+    alone = read(written(list(places), points, rate=RATE, units="m"))
+    both = read(written([*places, *outputs], np.hstack([points, numbers]), rate=RATE, units="m"))
+    np.testing.assert_allclose(both.positions, alone.positions, atol=1e-6)
+    with pytest.raises(CaptureError, match=r"found outputs of a model alone .*; export"):
+        read(written(outputs, numbers, rate=RATE, units="m"))
+
+
 def test_computed_joint_centres_are_the_legs() -> None:
     """With the markers of the pelvis, or alone."""
     shown = in_sight(walk(30, RATE))

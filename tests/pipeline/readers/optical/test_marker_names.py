@@ -46,6 +46,36 @@ def test_which_marker_is_which() -> None:
     assert {"asis_left", "asis_right", "sacrum", "knee_lateral_left"} <= landmarks(sports).keys()
 
 
+def test_a_subjects_name_among_many_points_without_a_name() -> None:
+    labels = [*(f"Jim_{label}" for label in PLUG_IN_GAIT.split()), *(f"*{k}" for k in range(50))]
+    assert landmarks(labels) == landmarks(PLUG_IN_GAIT.split())
+
+
+def test_the_points_of_xsens_mvn() -> None:
+    labels = ["pSacrum", "pC7SpinalProcess", "pTopOfHead"] + [
+        f"p{side}{name}"
+        for side in ("Right", "Left")
+        for name in ("ASI", "PSI", "KneeLatEpicondyle", "KneeMedEpicondyle", "LatMalleolus", "MedMalleolus",
+                     "FirstMetatarsal", "FifthMetatarsal", "Acromion")
+    ]  # fmt: skip
+    found = {
+        name: [without_subject(labels)[k] for k in markers] for name, markers in landmarks(labels).items()
+    }
+    assert found["knee_lateral_left"] == ["LeftKneeLatEpicondyle"]
+    assert found["ankle_medial_right"] == ["RightMedMalleolus"]
+    assert found["toes_left"] == ["LeftFirstMetatarsal", "LeftFifthMetatarsal"]
+    assert {"asis_left", "psis_right", "acromion_left", "neck_back", "head"} <= found.keys()
+
+
+@pytest.mark.parametrize(
+    ("label", "landmark"),
+    [("LEP", "knee_lateral"), ("MEP", "knee_medial"), ("KNI", "knee_medial"), ("LCON", "knee_lateral"),
+     ("LML", "ankle_lateral"), ("MML", "ankle_medial"), ("MMA", "ankle_medial"), ("ANI", "ankle_medial")],
+)  # fmt: skip
+def test_short_labels(label: str, landmark: str) -> None:
+    assert landmarks([f"R{label}", f"L{label}"]) == {f"{landmark}_left": (1,), f"{landmark}_right": (0,)}
+
+
 def test_the_labels_of_bts_and_sias() -> None:
     """Those of Davis et al. as BTS's programs write them; SIAS and SIPS are Latin for ASIS and PSIS."""
     labels = [
