@@ -34,6 +34,7 @@ from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_o
 from kinemimic.pipeline.readers.custom_table.tree import tree_of
 from kinemimic.pipeline.readers.joint_tables.body_rows import from_first_body, of_one_person
 from kinemimic.pipeline.readers.joint_tables.cells_apart import with_cells_apart
+from kinemimic.pipeline.readers.joint_tables.implied_axes import with_axes
 from kinemimic.pipeline.readers.joint_tables.names_in_rows import with_names_above
 from kinemimic.pipeline.readers.joint_tables.stacked_header import with_one_header
 
@@ -95,7 +96,7 @@ def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> C
 
 def _plain_table(source: Source) -> Source:
     """The source as a table of one header and a number in each cell, from when somebody is seen."""
-    return from_first_body(with_one_header(with_cells_apart(with_names_above(source))))
+    return from_first_body(with_axes(with_one_header(with_cells_apart(with_names_above(source)))))
 
 
 def _layout(source: Source) -> tuple[Sheet, Layout] | None:

@@ -29,6 +29,7 @@ from kinemimic.pipeline.readers.custom_table.description import Text
 from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
 from kinemimic.pipeline.readers.custom_table.suggest_table import Sheet, sheet_of
 from kinemimic.pipeline.readers.custom_table.table import Cells
+from kinemimic.pipeline.readers.joint_tables.implied_axes import with_axes
 from kinemimic.pipeline.readers.joint_tables.stacked_header import with_one_header
 from kinemimic.pipeline.readers.optical.declared_unit import likeliest_unit
 from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
@@ -125,7 +126,7 @@ def read(source: Source) -> Clip:
 
 def _table(source: Source) -> _Table | None:
     """The table of points with names; None if there is none."""
-    source = with_one_header(source)
+    source = with_axes(with_one_header(source))
     try:
         sheet = sheet_of(source)
     except CaptureError:
