@@ -169,7 +169,10 @@ COUNTS: frozenset[int] = frozenset(len(joint_set.joints) for joint_set in SETS)
 # Numbers of a joint, without and with how sure it is; width of a row of all joints -> the numbers of each (96
 # are the places of an Azure Kinect, rather than SMPL's with a confidence).
 FIELDS = (3, 4)
-FIELDS_OF_ROW: dict[int, int] = {fields * joints: fields for fields in reversed(FIELDS) for joints in COUNTS}
+# KIT-ML's are never in rows, where 84 numbers are a Kinect's 20 joints and four more.
+FIELDS_OF_ROW: dict[int, int] = {
+    fields * joints: fields for fields in reversed(FIELDS) for joints in COUNTS - {len(_KIT_ML)}
+}
 
 
 def joint_set_of(points: Array) -> JointSet | None:
