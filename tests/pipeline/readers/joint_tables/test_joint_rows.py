@@ -16,6 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.landmarks.joint_sets import (
     AZURE_KINECT,
+    FIELDS_OF_ROW,
     KINECT_V1,
     KINECT_V2,
     MEDIAPIPE,
@@ -26,7 +27,11 @@ from kinemimic.pipeline.readers.landmarks.joint_sets import (
 FRAMES = 40
 HUMAN36M, COCO = SETS[:2]
 ZED_34 = next(joint_set for joint_set in SETS if len(joint_set.joints) == 34)
-WITHOUT_NAMES = [one for one in SETS if one not in (KINECT_V1, KINECT_V2, AZURE_KINECT)]
+WITHOUT_NAMES = [
+    one
+    for one in SETS
+    if 3 * len(one.joints) in FIELDS_OF_ROW and one not in (KINECT_V1, KINECT_V2, AZURE_KINECT)
+]
 
 
 def places(joint_set: JointSet, rate: float = 30.0) -> Array:
