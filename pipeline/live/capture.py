@@ -168,8 +168,7 @@ class LiveCapture:
             return False
         self._odd += 1
         if self._odd >= _ODD:
-            self._begin(None)
-            self.complaint = f"expected legs of {reading.leg:.2f} m as before, found {leg:.3g}"
+            self._newest = None  # the next frame begins
         return True
 
     def advance(self) -> Moment | None:

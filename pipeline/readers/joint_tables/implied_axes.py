@@ -8,8 +8,10 @@ import re
 from collections.abc import Sequence
 from itertools import islice
 
+from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
 
 _SEPARATORS = (",", ";", "\t")
 _SEARCHED = 64  # lines in which the header stands
@@ -33,7 +35,7 @@ def with_axes(source: Source) -> Source:
     for start in range(_MOST_BEFORE + 1):
         for width in (3, 4):
             joints = _joints(names[start:], width)
-            if joints is not None:
+            if joints is not None and _show_legs(joints):
                 axes = (*(f"_{axis}" for axis in "xyz"), *[" constant"] * (width - 3))
                 spelt = [f"{name}{axis}" for name in joints for axis in axes]
                 header = separator.join([*names[:start], *spelt])
@@ -41,6 +43,14 @@ def with_axes(source: Source) -> Source:
                     "\n".join([*source.lines[: first - 1], header, *source.lines[first:]])
                 )
     return source
+
+
+def _show_legs(names: Sequence[str]) -> bool:
+    """Whether the names are of joints or markers of both legs, rather than any words with numbers."""
+    found = landmarks(names)
+    return set(REQUIRED) <= joints_by_name(tuple(names)).keys() or all(
+        f"{landmark}_{side}" in found for landmark in ("asis", "knee_lateral") for side in SIDES
+    )
 
 
 def _joints(names: Sequence[str], width: int) -> list[str] | None:

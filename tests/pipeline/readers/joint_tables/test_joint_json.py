@@ -22,7 +22,9 @@ from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.landmarks.joint_sets import SETS, JointSet
 
-HUMAN36M, COCO, SMPL, BODY_25 = (SETS[k] for k in (0, 1, 4, 7))
+BY_NAME = {one.name: one for one in SETS}
+HUMAN36M, COCO = BY_NAME["Human3.6M, 17 joints"], BY_NAME["COCO, 17 keypoints"]
+SMPL, BODY_25 = BY_NAME["SMPL, 22 joints"], BY_NAME["OpenPose BODY_25"]
 FRAMES, RATE = 45, 25.0
 WALK = walk(FRAMES, RATE)
 POINTS = y_up(WALK.joints)
