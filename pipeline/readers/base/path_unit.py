@@ -17,6 +17,8 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS, Un
 _OTHERS: dict[str, str] = {"cm": "centimetres", "mm": "millimetres"}
 # In m/s over a tenth of a second: sprinters reach 12.
 _FASTEST, _INTERVAL = 15.0, 0.1
+# Share to which the way of a planted foot falls in another unit.
+_CLEARER = 0.3
 # How much the pelvis' height over the file's origin may differ from that over the feet: bent knees, a floor
 # that is not quite at zero.
 _HEIGHT_TOLERANCE = 0.2
@@ -57,7 +59,11 @@ def path_factor(path: Array, feet: Array, rate: float, factors: Iterable[float])
 
     slides = {factor: slide(factor) for factor in factors}
     if speed > _FASTEST:
-        smaller = [factor for factor in slides if speed * factor <= _FASTEST and factor < 1.0]
+        smaller = [
+            factor
+            for factor, moved in slides.items()
+            if speed * factor <= _FASTEST and factor < 1.0 and moved < _CLEARER * slide(1.0)
+        ]
         if smaller:
             return min(smaller, key=slides.__getitem__), f"the body would move at {speed:.0f} m/s"
     height, leg = float(np.median(path[:, 2])), float(np.median(-feet[..., 2].min(axis=1)))
