@@ -11,6 +11,7 @@ from itertools import islice
 from kinemimic.pipeline.kinematics.joint_names import REQUIRED, joints_by_name
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.joint_tables.stacked_header import is_data
 from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
 
 _SEPARATORS = (",", ";", "\t")
@@ -28,7 +29,7 @@ def with_axes(source: Source) -> Source:
     lines = list(islice(source.lines, _SEARCHED))
     separator = max(_SEPARATORS, key=lambda mark: sum(line.count(mark) for line in lines))
     rows = [[cell.strip().strip('"').strip() for cell in line.split(separator)] for line in lines]
-    first = next((k for k, row in enumerate(rows) if len(row) > 3 * _FEWEST and _is_data(row)), 0)
+    first = next((k for k, row in enumerate(rows) if len(row) > 3 * _FEWEST and is_data(row)), 0)
     if first == 0 or len(rows[first - 1]) != len(rows[first]):
         return source
     names = rows[first - 1]
@@ -79,7 +80,3 @@ def _joint(group: Sequence[str]) -> str | None:
     if len(found) != len(group) or len(stems) != 1 or numbers[0] not in (0, 1):
         return None
     return found[0][0] if numbers == [*range(numbers[0], numbers[0] + len(group))] else None
-
-
-def _is_data(row: Sequence[str]) -> bool:
-    return sum(to_number(cell.replace(",", ".")) is not None for cell in row) > 0.5 * len(row)

@@ -25,7 +25,7 @@ def with_one_header(source: Source) -> Source:
     lines = list(islice(source.lines, _SEARCHED))
     separator = max(_SEPARATORS, key=lambda mark: sum(line.count(mark) for line in lines))
     rows = [[cell.strip().strip('"').strip() for cell in line.split(separator)] for line in lines]
-    first = next((k for k, row in enumerate(rows) if len(row) >= _FEWEST_COLUMNS and _is_data(row)), 0)
+    first = next((k for k, row in enumerate(rows) if len(row) >= _FEWEST_COLUMNS and is_data(row)), 0)
     width = len(rows[first])
     begin = first
     while begin > 0 and first - begin < _MOST_LINES and len(rows[begin - 1]) == width:
@@ -44,7 +44,8 @@ def with_one_header(source: Source) -> Source:
     return source.with_text("\n".join([*source.lines[:begin], *blank, joined, *source.lines[first:]]))
 
 
-def _is_data(row: Sequence[str]) -> bool:
+def is_data(row: Sequence[str]) -> bool:
+    """Whether most cells of a row are numbers."""
     numbers = sum(to_number(cell.replace(",", ".")) is not None for cell in row)
     return numbers > 0.5 * len(row)
 
