@@ -91,6 +91,7 @@ class ProgressBars:
     def __init__(self, several: Bars, ledger: Ledger) -> None:
         self._several, self._ledger = several, ledger
         self._running: dict[str, tuple[Bar, float]] = {}
+        self._training: set[str] = set()
         self._all = several.add(
             "compare",
             sum(cell.budgets[-1] for cell in ledger.cells),
@@ -111,11 +112,16 @@ class ProgressBars:
         if state.what != "train":
             bar.advance(0, now=state.what)
             return
-        # A resumed training counts from where it was interrupted.
         forward = max(0.0, state.done - before)
         self._running[cell.name] = (bar, before + forward)
-        bar.advance(forward, **state.notes)
+        if cell.name not in self._training:
+            # A resumed training begins where it was interrupted.
+            self._training.add(cell.name)
+            self._all.resumed(forward)
+            bar.resumed(forward)
+            forward = 0.0
         self._all.advance(forward)
+        bar.advance(forward, **state.notes)
 
     def ended(self, cell: Cell, error: str | None) -> None:
         self._several.remove(self._running.pop(cell.name)[0])

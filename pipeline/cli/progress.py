@@ -48,6 +48,12 @@ class Bar:
         self._notes = {**self._notes, **notes}
         self._changed()
 
+    def resumed(self, n: float) -> None:
+        """n more units were done before this task began, and so have no effect on the time left."""
+        self._done += n
+        self._before += n
+        self._changed()
+
     def ends_within(self, seconds: float) -> None:
         """The task ends after at most this many seconds from now, even if it is not done."""
         self._deadline = self._clock() + seconds

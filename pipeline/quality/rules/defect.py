@@ -13,6 +13,7 @@ RULES: dict[str, str] = {
     "several_people": "several people",
     "renumbered_people": "people numbered anew",
     "wrong_names": "wrong joint names",
+    "wrong_labels": "wrong marker labels",
     "zero_frames": "all-zero frames",
     "calibration_frames": "calibration pose first",
     "duplicate_frames": "duplicated frames",

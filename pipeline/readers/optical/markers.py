@@ -25,6 +25,7 @@ from kinemimic.pipeline.readers.optical.body_landmarks import (
     missing_of_pelvis,
     never_seen,
 )
+from kinemimic.pipeline.readers.optical.exchanged_labels import exchange_labels
 from kinemimic.pipeline.readers.optical.joint_centres import Pelvis, pelvis
 from kinemimic.pipeline.readers.optical.leg_centres import leg_centres
 from kinemimic.pipeline.readers.optical.marker_names import SIDES, joint_centres
@@ -61,14 +62,16 @@ def clip_of_markers(
     the hips are on the skin (`_on_skin`). Otherwise hips are computed from the pelvis markers, knees and
     ankles from markers at the joint or from clusters on the segments. The rest of the body follows from what
     is available. The spine node lies on the pelvis' own long axis, so that a pelvis frame computed from the
-    clip is the anatomical one. A marker that was never seen does not count; one that is missing for a while
-    is filled from others on its segment (rigid_segments.py), else the nodes computed from it are missing.
+    clip is the anatomical one. A marker that was never seen does not count. One that carries another's label
+    for a while is put back (exchanged_labels.py). One that is missing for a while is filled from others on
+    its segment (rigid_segments.py), else the nodes computed from it are missing.
     Without markers on the trunk, shoulder_center is inferred (assumed_trunk.py).
 
     Raises CaptureError naming what is missing if hips, knees or ankles cannot be computed.
     """
     markers = Landmarks(labels, points)
     _require_legs(markers, labels, source)
+    markers.points, wrong_labels = exchange_labels(markers.labels, markers.points)
     chosen = marker_set(source)
     named = joint_centres(markers.labels)
     notes: list[str] = []
@@ -95,7 +98,11 @@ def clip_of_markers(
         np.stack([centres[node] for node in nodes], axis=1),
         np.broadcast_to(states, (len(times), len(nodes))),
         format=format,
-        reading={**reading, "notes": [*reading["notes"], *notes]},
+        reading={
+            **reading,
+            "defects": [*reading["defects"], *(defect.to_json() for defect in wrong_labels)],
+            "notes": [*reading["notes"], *notes],
+        },
         world_from_file=world_from_file,
         angles=angles,
     )
