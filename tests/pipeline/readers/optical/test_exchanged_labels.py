@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from samples.trc import markers
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.readers.optical.exchanged_labels import exchange_labels
+from kinemimic.pipeline.readers.recognise import read
 
 WALK = walk(240, 60.0)
 PLACES = markers(WALK)
@@ -113,3 +115,32 @@ def test_most_exchanges_of_any_two_are_put_back_and_no_other_marker_is_touched(m
             np.delete(points, numbers, axis=1), np.delete(whole, numbers, axis=1), equal_nan=True
         )
     assert undone >= 0.8 * len(pairs)
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        ("R.Thigh.Front", "L.Shank.Front"),
+        ("R.ASIS", "L.ASIS"),
+        ("L.Heel", "L.Toe.Tip"),
+        ("V.Sacral", "R.Thigh.Rear"),
+    ],
+)
+def test_a_laboratory_walk_with_two_exchanged_labels_is_the_walk(
+    captures: Path, tmp_path: Path, pair: tuple[str, str]
+) -> None:
+    recorded = captures / "lab_opensim_gait" / "Gait2354_Simbody__subject01_walk1.trc"
+    lines = recorded.read_text().splitlines()
+    names = lines[3].split("\t")
+    first, second = (slice(names.index(label), names.index(label) + 3) for label in pair)
+    for k in range(60, 100):
+        cells = lines[k].split("\t")
+        cells[first], cells[second] = cells[second], cells[first]
+        lines[k] = "\t".join(cells)
+    other = tmp_path / "walk.trc"
+    other.write_text("\n".join(lines) + "\n")
+    expected, found = read(recorded), read(other)
+    assert np.array_equal(found.positions, expected.positions, equal_nan=True)
+    assert not expected.provenance["reading"]["defects"]
+    (defect,) = found.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"], defect["action"]) == ("wrong_labels", 40, "repaired")
