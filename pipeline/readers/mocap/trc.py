@@ -163,6 +163,7 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
     try:
         table = parse_table(source, start=start, separator="\t")
     except CaptureError:
+        source = _with_trailing_cells(source, start)
         first = next((line for line in source.lines[start:] if line.strip()), "")
         table = parse_sparse_table(source, start=start, width=len(first.split("\t")), separator="\t")
     values = table.values
@@ -174,6 +175,21 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
             line=table.line(0),
         )
     return table, values[:, : values.shape[1] - spare]
+
+
+def _with_trailing_cells(source: Source, start: int) -> Source:
+    """The file with the empty cells that some writers leave out at the end of a line, whole markers' only.
+
+    Not in the last line, which may be cut off.
+    """
+    rows = [line.rstrip("\t ").split("\t") if line.strip() else [] for line in source.lines[start:]]
+    width = max(map(len, rows), default=0)
+    last = max((k for k, row in enumerate(rows) if row), default=-1)
+    filled = [
+        "\t".join(row + [""] * (width - len(row))) if k < last and len(row) % 3 == 2 else line
+        for k, (row, line) in enumerate(zip(rows, source.lines[start:], strict=True))
+    ]
+    return source.with_text("\n".join([*source.lines[:start], *filled]))
 
 
 def _rate(declared: dict[str, str]) -> float:

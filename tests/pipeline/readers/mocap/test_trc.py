@@ -84,6 +84,19 @@ def test_as_a_spreadsheet_saves_it() -> None:
     assert notes(german) == notes(clip)
 
 
+def test_empty_cells_may_be_left_out_at_the_end_of_a_line() -> None:
+    """The last marker, of the head, is hidden in the first frame and in five others."""
+    parts = TEXT.split("\n")
+    hidden, stripped = list(parts), list(parts)
+    for k in (6, *range(12, 17)):
+        shown = parts[k].split("\t")[:-3]
+        hidden[k], stripped[k] = "\t".join([*shown, "", "", ""]), "\t".join(shown)
+    expected, found = read("\n".join(hidden)), read("\n".join(stripped))
+    assert np.array_equal(found.positions, expected.positions, equal_nan=True)
+    head = found.positions[:, found.skeleton.names.index("head")]
+    assert np.flatnonzero(np.isnan(head[:, 0])).tolist() == [0, *range(6, 11)]
+
+
 def test_units_of_the_header() -> None:
     metres = TEXT.split("\n")
     metres[2] = metres[2].replace("mm", "m")
