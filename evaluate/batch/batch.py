@@ -13,7 +13,7 @@ from typing import Any
 
 from kinemimic.evaluate.batch.sources import paths_of, run_folders
 from kinemimic.evaluate.batch.state import BatchState, place_of
-from kinemimic.evaluate.batch.task import Row, Task
+from kinemimic.evaluate.batch.task import CaptureTask, Row
 from kinemimic.evaluate.batch.work import BatchWork
 from kinemimic.evaluate.workflow.start import for_tracker
 from kinemimic.pipeline.cli.progress import progress
@@ -65,7 +65,7 @@ def batch(
     executor = executor or LocalProcesses(jobs, timeout, int(memory * 2**30))
     with BatchState(out) as state:
         names = state.names({file: _free(folder.relative_to(out)) for file, folder in folders.items()})
-        tasks = [Task(file, out / names[file], config, to, names[file]) for file in folders]
+        tasks = [CaptureTask(file, out / names[file], config, to, names[file]) for file in folders]
         work = BatchWork(tasks, state, overwrite=overwrite)
         try:
             with progress("batch", len(work.waiting), unit="captures") as bar:
@@ -100,7 +100,7 @@ def _gone(sources: Sequence[str | Path], state: BatchState) -> list[str]:
     ]
 
 
-def _interrupted(tasks: Sequence[Task], work: BatchWork, out: Path, config: Mapping[str, Any]) -> None:
+def _interrupted(tasks: Sequence[CaptureTask], work: BatchWork, out: Path, config: Mapping[str, Any]) -> None:
     """Write the rows of the captures that are finished, and remove what is left of those that were begun."""
     from kinemimic.evaluate.batch.capture import clear_if_free  # noqa: PLC0415 (import cost)
 

@@ -17,7 +17,7 @@ from kinemimic.evaluate.batch.row import (
     score_columns,
 )
 from kinemimic.evaluate.batch.state import Kept
-from kinemimic.evaluate.batch.task import TRACKER, Row, Task, made_from
+from kinemimic.evaluate.batch.task import TRACKER, CaptureTask, Row, made_from
 from kinemimic.evaluate.workflow.run import run
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError, one_line
 from kinemimic.pipeline.files.sidecars import beside
@@ -37,7 +37,7 @@ _IN_USE = "its run folder is in use by another process; run the batch again when
 _PATIENCE = 10.0  # seconds that the process of a batch which was killed may take to end
 
 
-def process(task: Task) -> Kept:
+def process(task: CaptureTask) -> Kept:
     """Run the stages on a capture; a refusal is a row with its reason.
 
     Outputs of an earlier run are removed first, unless the task goes on with it, so that no old motion stands
@@ -63,7 +63,7 @@ def process(task: Task) -> Kept:
     return Kept(row, {} if row["status"] == FAILED else made)
 
 
-def _row(task: Task) -> Row:
+def _row(task: CaptureTask) -> Row:
     motion = tuple(stage for stage in task.stages if stage != "evaluate")
     options = {stage: task.options.get(stage, {}) for stage in motion}
     try:
@@ -82,7 +82,7 @@ def _row(task: Task) -> Row:
     return row
 
 
-def _performed(task: Task) -> Row:
+def _performed(task: CaptureTask) -> Row:
     """The scores of the motion as the tracker performs it, or why it does not."""
     try:
         scores = run(

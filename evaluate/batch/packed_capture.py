@@ -10,7 +10,7 @@ from typing import Any
 
 from kinemimic.evaluate.batch.capture import clear, process
 from kinemimic.evaluate.batch.state import Kept
-from kinemimic.evaluate.batch.task import Row, Task, made_from
+from kinemimic.evaluate.batch.task import CaptureTask, Row, made_from
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.packed_files import PackedFiles, read_files, read_folder, write_files
 from kinemimic.pipeline.readers.search import files_to_read
@@ -23,7 +23,7 @@ class Packed:
     """A task without its run folder.
 
     capture: name of the file, or of the folder; in_folder: whether it is one; files: of the capture and
-    beside it; options, to: as in `Task`.
+    beside it; options, to: as in `CaptureTask`.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Processed:
     files: PackedFiles
 
 
-def pack(task: Task) -> Packed:
+def pack(task: CaptureTask) -> Packed:
     """The task with the bytes of its files; OSError for a file that cannot be read, KinemimicError for too
     much to send."""
     files = read_files(files_to_read(task.capture))
@@ -54,12 +54,12 @@ def process_packed(packed: Packed) -> Processed:
     with TemporaryDirectory(prefix="kinemimic-") as place:
         capture, folder = Path(place) / "in" / packed.capture, Path(place) / "out"
         write_files(capture if packed.in_folder else capture.parent, packed.files)
-        row = process(Task(capture, folder, packed.options, packed.to, packed.name)).row
+        row = process(CaptureTask(capture, folder, packed.options, packed.to, packed.name)).row
         # A capture of which nothing came has no run folder.
         return Processed(row, read_folder(folder) if folder.exists() else {})
 
 
-def unpack(task: Task, processed: Processed) -> Kept:
+def unpack(task: CaptureTask, processed: Processed) -> Kept:
     """Write the run folder of a task that was carried out elsewhere; its record comes last.
 
     KinemimicError for files that cannot be of a run folder; OSError where one cannot be written. Neither

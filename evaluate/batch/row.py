@@ -9,14 +9,14 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from kinemimic.evaluate.batch.task import Row, Task
+from kinemimic.evaluate.batch.task import CaptureTask, Row
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.inspect.file_report import REFUSED, without_path
 
 ACCEPTED, FAILED, GATE = "accepted", "failed", "gate"
 
 
-def empty_row(task: Task, status: str, reason: str) -> Row:
+def empty_row(task: CaptureTask, status: str, reason: str) -> Row:
     """The row of a capture without results: all keys, with these values."""
     for place in (task.capture, task.folder):
         reason = without_path(place, reason)

@@ -31,7 +31,7 @@ Mark = tuple[int, int, str] | None
 
 
 @dataclass(frozen=True)
-class Task:
+class CaptureTask:
     """A capture, its run folder, the options of the stages as `run` takes them, and a key of TARGETS.
 
     name: the run folder's path below the folder of the batch; resume: the run folder has results for the same
@@ -52,7 +52,7 @@ class Task:
         return tuple(stage for name in names[: names.index(self.to) + 1] for stage in TARGETS[name])
 
 
-def made_from(task: Task) -> dict[str, Any]:
+def made_from(task: CaptureTask) -> dict[str, Any]:
     """What the row of a finished task was made from, and what it says files contain; JSON values."""
     return {
         **_wanted(task),
@@ -62,7 +62,7 @@ def made_from(task: Task) -> dict[str, Any]:
     }
 
 
-def up_to_date(task: Task, kept: Kept) -> dict[str, Any] | None:
+def up_to_date(task: CaptureTask, kept: Kept) -> dict[str, Any] | None:
     """`made_from` of an earlier row, if it holds for this task, or for one that goes less far; else None.
 
     A file of the same size and time counts as the same; of another time, if its content is the same: its new
@@ -86,15 +86,15 @@ def up_to_date(task: Task, kept: Kept) -> dict[str, Any] | None:
     return None if "changed" in found else made | {"inputs": inputs, "outputs": outputs}
 
 
-def resumable(task: Task, kept: Kept) -> bool:
+def resumable(task: CaptureTask, kept: Kept) -> bool:
     """Whether only further stages are missing."""
     less = str(kept.made_from.get("to"))
     if kept.row.get("status") != "accepted" or less not in TARGETS:
         return False
-    return up_to_date(Task(task.capture, task.folder, task.options, less), kept) is not None
+    return up_to_date(CaptureTask(task.capture, task.folder, task.options, less), kept) is not None
 
 
-def _wanted(task: Task) -> dict[str, Any]:
+def _wanted(task: CaptureTask) -> dict[str, Any]:
     config = {stage: dict(options) for stage, options in task.options.items()}
     return {"schema": MADE_SCHEMA, "config": config, "version": versions().get("kinemimic")}
 

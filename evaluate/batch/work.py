@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.evaluate.batch.state import BatchState, Kept
-from kinemimic.evaluate.batch.task import Row, Task, resumable, up_to_date
+from kinemimic.evaluate.batch.task import CaptureTask, Row, resumable, up_to_date
 from kinemimic.pipeline.errors import KinemimicError, one_line
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.task_pool import Failure
@@ -24,11 +24,11 @@ _PAUSE = 0.2  # seconds between two looks at what other batches do
 class BatchWork:
     """rows: those of the tasks that are finished, by their names; waiting: the other tasks."""
 
-    def __init__(self, tasks: Sequence[Task], state: BatchState, *, overwrite: bool) -> None:
+    def __init__(self, tasks: Sequence[CaptureTask], state: BatchState, *, overwrite: bool) -> None:
         self._state, self._overwrite = state, overwrite
         self.rows: dict[str, Row] = {}
         self._claimed: set[str] = set()
-        self.waiting: list[Task] = []
+        self.waiting: list[CaptureTask] = []
         for task in tasks:
             row = None if overwrite else self._kept(task)
             if row is None:
@@ -38,22 +38,24 @@ class BatchWork:
         # The largest first, so that no core waits at the end for one long capture.
         self.waiting.sort(key=lambda task: _size(task.capture), reverse=True)
 
-    def carry_out(self, executor: Executor, advance: Callable[[Task], object]) -> None:
+    def carry_out(self, executor: Executor, advance: Callable[[CaptureTask], object]) -> None:
         """Carry out what is waiting; advance: called for each task that is finished."""
         while self.waiting:
             before = len(self.rows)
-            busy: list[Task] = []
+            busy: list[CaptureTask] = []
             self._round(executor, busy, advance)
             self.waiting = busy
             if busy and len(self.rows) == before:
                 time.sleep(_PAUSE)
 
-    def is_mine(self, task: Task) -> bool:
+    def is_mine(self, task: CaptureTask) -> bool:
         """Whether this process was at work on a task when it was interrupted."""
         return task.name in self._claimed
 
-    def _round(self, executor: Executor, busy: list[Task], advance: Callable[[Task], object]) -> None:
-        drawn: list[Task] = []
+    def _round(
+        self, executor: Executor, busy: list[CaptureTask], advance: Callable[[CaptureTask], object]
+    ) -> None:
+        drawn: list[CaptureTask] = []
         work, packed = _work(executor)
 
         def tasks() -> Iterator[Any]:
@@ -79,7 +81,7 @@ class BatchWork:
         for index, outcome in executor.map(work, tasks()):
             self._keep(drawn[index], self._outcome(executor, drawn[index], outcome), advance)
 
-    def _outcome(self, executor: Executor, task: Task, outcome: Any) -> Kept:
+    def _outcome(self, executor: Executor, task: CaptureTask, outcome: Any) -> Kept:
         from kinemimic.evaluate.batch.capture import clear_if_free  # noqa: PLC0415 (import cost)
         from kinemimic.evaluate.batch.packed_capture import unpack  # noqa: PLC0415 (import cost)
 
@@ -94,17 +96,17 @@ class BatchWork:
         except (KinemimicError, OSError) as error:
             return _failed(task, one_line(error))
 
-    def _keep(self, task: Task, kept: Kept, advance: Callable[[Task], object]) -> None:
+    def _keep(self, task: CaptureTask, kept: Kept, advance: Callable[[CaptureTask], object]) -> None:
         self._state.put(task.name, kept)
         self._finish(task, kept.row, advance)
 
-    def _finish(self, task: Task, row: Row, advance: Callable[[Task], object]) -> None:
+    def _finish(self, task: CaptureTask, row: Row, advance: Callable[[CaptureTask], object]) -> None:
         self._state.release(task.name)
         self._claimed.discard(task.name)
         self.rows[task.name] = row
         advance(task)
 
-    def _kept(self, task: Task) -> Row | None:
+    def _kept(self, task: CaptureTask) -> Row | None:
         """The row of an earlier batch, if it is up to date."""
         kept = self._state.get(task.name)
         made = None if kept is None else up_to_date(task, kept)
@@ -116,7 +118,7 @@ class BatchWork:
         return row
 
 
-def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], Any]]:
+def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[CaptureTask], Any]]:
     """What the executor calls, and what makes its argument from a task."""
     # Import cost: these load the stages.
     from kinemimic.evaluate.batch.capture import process  # noqa: PLC0415
@@ -134,7 +136,7 @@ def _size(capture: Path) -> int:
         return 0
 
 
-def _failed(task: Task, reason: str) -> Kept:
+def _failed(task: CaptureTask, reason: str) -> Kept:
     """The row of a capture whose process crashed or took too much; the next batch tries it again."""
     from kinemimic.evaluate.batch.row import FAILED, empty_row  # noqa: PLC0415 (import cost)
 

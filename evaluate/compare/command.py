@@ -19,7 +19,7 @@ from kinemimic.evaluate.compare.job_runner import side_by_side
 from kinemimic.evaluate.compare.ledger import Ledger, ProgressBars, exclusive
 from kinemimic.evaluate.compare.packed_cell import train_cells_on
 from kinemimic.evaluate.compare.table import tables
-from kinemimic.evaluate.compare.task import Task, task_summary
+from kinemimic.evaluate.compare.task import ComparisonTask, task_summary
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
 from kinemimic.pipeline.cli.options import jobs_option, json_option, out_option, ray_option
 from kinemimic.pipeline.cli.progress import bars
@@ -43,7 +43,7 @@ FAILED = 1  # exit status where a cell failed
 
 
 def compare(
-    tasks: Sequence[Task],
+    tasks: Sequence[ComparisonTask],
     variants: Mapping[str, TrainConfig],
     *,
     seeds: int,
@@ -132,7 +132,7 @@ def _budgets_of(
 
 
 def _header(
-    tasks: Sequence[Task],
+    tasks: Sequence[ComparisonTask],
     motions: Mapping[str, Motion],
     variants: Mapping[str, TrainConfig],
     *,
@@ -160,7 +160,7 @@ def _header(
     }
 
 
-def _copy_motions(tasks: Sequence[Task], motions: Mapping[str, Motion], out: Path) -> None:
+def _copy_motions(tasks: Sequence[ComparisonTask], motions: Mapping[str, Motion], out: Path) -> None:
     """Copy each task's motion; KinemimicError, before any copy, if the folder has another one's results."""
     for task in tasks:
         copy = out / task.name / MOTION
@@ -287,8 +287,8 @@ def command(
     variants = _with_layers(_variants(presets, searched, only, ablated=ablated), hidden)
     _expect_names("--limit", limits, variants)
     result = compare(
-        [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
-        jobs=jobs, engine=engine, anyway=anyway, ray=ray, device=device,
+        [ComparisonTask.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets,
+        limits=limits, out=out, jobs=jobs, engine=engine, anyway=anyway, ray=ray, device=device,
     )  # fmt: skip
     if ships is not None:
         Comparison(out, result).publish(ships)

@@ -23,14 +23,14 @@ _IN = "@"
 
 
 @dataclass(frozen=True)
-class Task:
+class ComparisonTask:
     """run: folder with a motion.json; scenario: perturbations during training."""
 
     run: Path
     scenario: Scenario | None = None
 
     @classmethod
-    def parsed(cls, text: str) -> Task:
+    def parsed(cls, text: str) -> ComparisonTask:
         """Parse RUN or RUN@SCENARIO (a name or a file); an existing folder is always a RUN."""
         run, _, named = text.rpartition(_IN)
         if not run or Path(text).is_dir():
@@ -58,7 +58,7 @@ def scenario_identity(one: Scenario) -> str:
     return content_hash({"scenario": np.array(json.dumps(one.to_json(), sort_keys=True))})
 
 
-def task_summary(task: Task, motion: Motion) -> dict[str, Any]:
+def task_summary(task: ComparisonTask, motion: Motion) -> dict[str, Any]:
     """A task as compare.json records it. ceiling: R² of the loop against the capture, mean of both sides."""
     run = task.run
     gait = report_of_run(run) or {}

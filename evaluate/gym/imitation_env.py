@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinemimic.evaluate.film.render import Picture
 from kinemimic.evaluate.gym.picture import picture
-from kinemimic.evaluate.gym.task import RENDER_MODES, Task, checked_render_mode, load_motion
+from kinemimic.evaluate.gym.task import RENDER_MODES, ImitationTask, checked_render_mode, load_motion
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.env_config import EnvConfig
@@ -40,7 +40,7 @@ class ImitationEnv(gym.Env[Floats, NDArray[np.float32]]):
         engine: str = "auto",
         render_mode: str | None = None,
     ) -> None:
-        self._task = Task(1, load_motion(motion), config or EnvConfig(), engine)
+        self._task = ImitationTask(1, load_motion(motion), config or EnvConfig(), engine)
         self.observation_space, self.action_space = self._task.observation_space, self._task.action_space
         self.render_mode = checked_render_mode(render_mode)
 

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from kinemimic.evaluate.film.render import Picture
 from kinemimic.evaluate.gym.picture import picture
-from kinemimic.evaluate.gym.task import RENDER_MODES, Task, Transition, checked_render_mode, load_motion
+from kinemimic.evaluate.gym.task import (
+    RENDER_MODES,
+    ImitationTask,
+    Transition,
+    checked_render_mode,
+    load_motion,
+)
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
@@ -61,7 +67,9 @@ class ImitationVectorEnv(VectorEnv[Floats, NDArray[np.float32], Array]):
             "render_fps": CONTROL_RATE,
             "autoreset_mode": _autoreset_mode(autoreset_mode),
         }
-        self._task = Task(num_envs, load_motion(motion), config, engine, min(threads or cores, num_envs))
+        self._task = ImitationTask(
+            num_envs, load_motion(motion), config, engine, min(threads or cores, num_envs)
+        )
         self.single_observation_space = self._task.observation_space
         self.single_action_space = self._task.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -87,7 +87,7 @@ class Transition:
     """A control step of E environments.
 
     observations: (E, O) after it, before a reset; rewards: (E,); terms: (E, K) of the reward, in the order of
-    `Task.term_names`; terminated: (E,) fell or left the reference; truncated: (E,) the time is over.
+    `ImitationTask.term_names`; terminated: (E,) fell or left the reference; truncated: (E,) the time is over.
     """
 
     observations: Floats
@@ -97,7 +97,7 @@ class Transition:
     truncated: NDArray[np.bool_]
 
 
-class Task:
+class ImitationTask:
     """E environments on one batch; `observation_space` and `action_space` are those of a single one."""
 
     def __init__(self, size: int, motion: Motion, config: EnvConfig, engine: str, threads: int = 1) -> None:

@@ -107,7 +107,7 @@ def push_phases(motion: Motion, count: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Task:
+class PushTask:
     """One phase of the motion, to be pushed in all DIRECTIONS; engine: see `train/sim/engines.py`."""
 
     motion: Motion
@@ -117,7 +117,7 @@ class Task:
     engine: str
 
 
-def push_from_all_directions(task: Task) -> list[SearchResult]:
+def push_from_all_directions(task: PushTask) -> list[SearchResult]:
     """Results of one phase, in the order of DIRECTIONS."""
     reference = Reference(task.motion)
     ahead = heading(reference, task.phase)

@@ -20,8 +20,8 @@ from kinemimic.evaluate.robustness.push_trials import (
     EXTENDED_GRID,
     GRID,
     RESOLUTION,
+    PushTask,
     SearchResult,
-    Task,
     push_from_all_directions,
     push_phases,
 )
@@ -76,7 +76,7 @@ def _pushes(run: Path, *, phases: int, workers: int | None, engine: str) -> dict
     at = push_phases(motion, phases)
     with progress("pushes", phases, unit="phases") as bar:
         # One phase per task: results must not depend on the number of processes.
-        tasks = [Task(motion, policy, config, float(phase), engine) for phase in at]
+        tasks = [PushTask(motion, policy, config, float(phase), engine) for phase in at]
         found = parallel_map(push_from_all_directions, tasks, workers=workers, progress=bar.advance)
     return {
         "schema": PUSHES_SCHEMA,

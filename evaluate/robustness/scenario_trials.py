@@ -39,7 +39,7 @@ DIFFERENT = 1e-6  # of the largest reward: larger than rounding errors
 
 
 @dataclass(frozen=True)
-class Task:
+class ScenarioTask:
     """Some trials of each scenario, by their numbers; config: with the reward to measure; seed: of all
     trials; engine: see `train/sim/engines.py`."""
 
@@ -92,7 +92,7 @@ def trial_tasks(
     trials: int,
     seed: int,
     engine: str,
-) -> list[Task]:
+) -> list[ScenarioTask]:
     """Tasks of TRIALS_PER_TASK trials of each scenario, measured with the reward at the end of the training.
 
     The tasks do not depend on the number of processes, and trial k of a seed does not depend on the number of
@@ -100,11 +100,12 @@ def trial_tasks(
     """
     chunks = [tuple(range(trials))[k : k + TRIALS_PER_TASK] for k in range(0, trials, TRIALS_PER_TASK)]
     return [
-        Task(motion, policy, config.measured_env, tuple(scenarios), chunk, seed, engine) for chunk in chunks
+        ScenarioTask(motion, policy, config.measured_env, tuple(scenarios), chunk, seed, engine)
+        for chunk in chunks
     ]
 
 
-def run_trials(task: Task) -> list[Trials]:
+def run_trials(task: ScenarioTask) -> list[Trials]:
     """Run the trials of a task and their controls; one result per scenario.
 
     A control depends on the route and the start phases only, so scenarios that have these in common share it.
@@ -124,14 +125,14 @@ def run_trials(task: Task) -> list[Trials]:
     return found
 
 
-def _starts(task: Task, scenario: Scenario) -> tuple[NDArray[np.uint64], Array]:
+def _starts(task: ScenarioTask, scenario: Scenario) -> tuple[NDArray[np.uint64], Array]:
     """Seeds and phases of the task's trials of a scenario."""
     starts = [trial_start(task.motion, scenario, task.seed, number) for number in task.numbers]
     return np.array([seed for seed, _ in starts], dtype=np.uint64), np.array([phase for _, phase in starts])
 
 
 def run_all_trials(
-    groups: Sequence[Sequence[Task]],
+    groups: Sequence[Sequence[ScenarioTask]],
     *,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -168,7 +169,7 @@ def trial_steps(motion: Motion, scenario: Scenario) -> int:
 
 
 def _rewards(
-    task: Task,
+    task: ScenarioTask,
     reference: Reference,
     scenario: Scenario | None,
     seeds: NDArray[np.uint64],

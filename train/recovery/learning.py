@@ -21,7 +21,7 @@ from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.learning_control.distillation import fitted
 from kinemimic.train.recovery.lessons import NOISE, Teacher, lesson
 from kinemimic.train.recovery.pushes import Pushes, survived
-from kinemimic.train.recovery.search import Found, Task, search
+from kinemimic.train.recovery.search import Found, SearchTask, search
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.engines import open_world
@@ -114,7 +114,7 @@ def _found(
         while len(done) < len(places):
             part = range(len(done), min(len(done) + workers, len(places)))
             tasks = [
-                Task(
+                SearchTask(
                     motion, policy, config.measured_env, settings, places[k][1], 0.5 / settings.phases,
                     places[k][0], seeds[k], engine,
                 )

@@ -38,7 +38,7 @@ _EFFORT = 8.0  # control steps of survival that a maneuver of 1 rad² in the mea
 
 
 @dataclass(frozen=True)
-class Task:
+class SearchTask:
     """A search: phase at which pushes begin, and half the phases to the next one; direction: rad from the
     heading."""
 
@@ -66,7 +66,7 @@ class Found:
     knots: Array
 
 
-def search(task: Task) -> Found:
+def search(task: SearchTask) -> Found:
     """The maneuver that survives most of the pushes around the task's phase and direction."""
     settings, random = task.settings, np.random.default_rng(task.seed)
     count = settings.candidates
@@ -98,7 +98,7 @@ def search(task: Task) -> Found:
 class _Trials:
     """Humanoids of all candidates right before pushes of all forces, the same ones for each candidate."""
 
-    def __init__(self, task: Task, batch: ImitationBatch, random: np.random.Generator) -> None:
+    def __init__(self, task: SearchTask, batch: ImitationBatch, random: np.random.Generator) -> None:
         self._task, self._batch, self._random = task, batch, random
         self.samples = 0
         self.draw()

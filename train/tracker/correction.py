@@ -39,8 +39,8 @@ from kinemimic.train.tracker.library_control import (
     LONG,
     SHARES,
     STEPS,
+    ControlTask,
     LibraryCorrections,
-    Task,
     library_corrections,
 )
 from kinemimic.train.tracker.performance import perform
@@ -155,7 +155,7 @@ class _Correction:
         with progress(what, len(self._motions), done=done, unit="motions") as bar:
             for first in range(0, len(left), at_once):
                 mine = left[first : first + at_once]
-                tasks = [Task(self._tables, chunks[k], state.policy, env, self._engine) for k in mine]
+                tasks = [ControlTask(self._tables, chunks[k], state.policy, env, self._engine) for k in mine]
                 for k, part in zip(
                     mine, parallel_map(library_corrections, tasks, workers=at_once), strict=True
                 ):

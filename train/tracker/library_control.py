@@ -67,7 +67,7 @@ class LibraryCorrections:
         return cls(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls)))
 
 
-class Task(NamedTuple):
+class ControlTask(NamedTuple):
     """What `library_corrections` needs, in a form that another process can read.
 
     tables: folder of the library's tables; motions: (M,) of it, all cyclic; env: the policy's task, as it is
@@ -81,7 +81,7 @@ class Task(NamedTuple):
     engine: str
 
 
-def library_corrections(task: Task) -> LibraryCorrections:
+def library_corrections(task: ControlTask) -> LibraryCorrections:
     """Corrections with which the policy errs least on each of the motions."""
     library, count = ReferenceLibrary.open(task.tables), len(task.motions)
     followed = FollowedReference(library, np.repeat(task.motions, HUMANOIDS))

@@ -56,7 +56,7 @@ class Timing:
 
 
 @dataclass(frozen=True)
-class Task:
+class TimingTask:
     """Operations timed in turns in one process: all sizes together, so that drift does not bias the growth.
 
     configs: by algorithm; samples: batch sizes of updates and inference, besides the presets' own.
@@ -98,7 +98,7 @@ def processing_times(
     """
     names = [name for name in PRESET_OF if name == "ppo" or _baselines_installed()]
     tasks = [
-        Task(
+        TimingTask(
             {name: preset(PRESET_OF[name], hidden=hidden, seed=seed) for name in names},
             tuple(samples),
             repeats,
@@ -160,7 +160,7 @@ def steps_per_sample(config: TrainConfig) -> float:
     return epochs / own_batch(config)
 
 
-def measured(task: Task) -> dict[str, Measured]:
+def measured(task: TimingTask) -> dict[str, Measured]:
     """Timings by algorithm, measured in this process."""
     operations: dict[tuple[str, str, int], Callable[[], object]] = {}
     for name, config in task.configs.items():
@@ -222,7 +222,7 @@ def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
     return BaselineUpdate(config, samples, seed)
 
 
-def _net(task: Task, found: Mapping[str, Measured]) -> dict[str, Any]:
+def _net(task: TimingTask, found: Mapping[str, Measured]) -> dict[str, Any]:
     """Results of one network size."""
     algorithms: dict[str, Any] = dict.fromkeys(PRESET_OF)
     for name, config in task.configs.items():

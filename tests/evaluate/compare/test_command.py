@@ -20,7 +20,7 @@ from kinemimic.evaluate.compare import command as module
 from kinemimic.evaluate.compare.command import compare, increasing
 from kinemimic.evaluate.compare.job_runner import Listener
 from kinemimic.evaluate.compare.table import summary
-from kinemimic.evaluate.compare.task import Task
+from kinemimic.evaluate.compare.task import ComparisonTask
 from kinemimic.evaluate.compare.variants import SEARCH
 from kinemimic.evaluate.scoring import evaluate as evaluation
 from kinemimic.pipeline.errors import KinemimicError
@@ -61,7 +61,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def small_comparison(
     out: Path, *runs: Path, budgets: tuple[int, ...] = (ROUND, 3 * ROUND), seeds: int = 1
 ) -> Any:
-    tasks = [Task(run) for run in runs]
+    tasks = [ComparisonTask(run) for run in runs]
     return compare(tasks, {"default": SMALL}, seeds=seeds, budgets=budgets, out=out, engine="pybullet")
 
 
@@ -161,7 +161,7 @@ def test_results_of_something_else_are_left_alone(
     small_comparison(out, run, budgets=(ROUND,))
     before = (out / "walk" / "default" / "seed0" / f"scores-{ROUND}.json").read_bytes()
     changed = {"default": replace(SMALL, discount=0.9)}
-    other = compare([Task(run)], changed, seeds=1, budgets=[ROUND], out=out, engine="pybullet")
+    other = compare([ComparisonTask(run)], changed, seeds=1, budgets=[ROUND], out=out, engine="pybullet")
     assert "of the same settings, found another" in other["failed"]["walk default seed 0"]
     record = out / "walk" / "default" / "seed0" / f"policy-{ROUND}.json"
     mine = record.read_text()
@@ -255,7 +255,7 @@ def test_what_is_wrong_is_one_line(
 def test_a_gpu_that_is_not_there_is_refused_before_anything_is_written(
     fresh: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    task, out = Task(fresh("walk")), tmp_path / "out"
+    task, out = ComparisonTask(fresh("walk")), tmp_path / "out"
     with pytest.raises(KinemimicError, match=r"--device cuda: expected a GPU .* found none"):
         compare([task], {"sac": PRESETS["sac"]}, seeds=1, budgets=(ROUND,), out=out, device="cuda")
     assert not out.exists()
@@ -269,7 +269,7 @@ def test_budgets_increase() -> None:
 def test_a_limit_ends_one_variant_sooner(fresh: Callable[[str], Path], tmp_path: Path) -> None:
     variants = {"default": SMALL, "other": replace(SMALL, preset="other", discount=0.9)}
     options: dict[str, Any] = {"seeds": 1, "budgets": (ROUND, 2 * ROUND), "engine": "pybullet"}
-    task = Task(fresh("walk"))
+    task = ComparisonTask(fresh("walk"))
     result = compare([task], variants, limits={"other": ROUND}, out=tmp_path / "out", **options)
     assert [(row["variant"], row["budget"]) for row in result["cells"]] == [
         ("default", ROUND),

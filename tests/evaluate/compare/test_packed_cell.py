@@ -17,7 +17,7 @@ from kinemimic.evaluate.compare import command as module
 from kinemimic.evaluate.compare.cell import Cell
 from kinemimic.evaluate.compare.command import compare
 from kinemimic.evaluate.compare.packed_cell import TrainedCell, train_cells_on
-from kinemimic.evaluate.compare.task import Task
+from kinemimic.evaluate.compare.task import ComparisonTask
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -76,7 +76,9 @@ def test_a_cell_with_strange_files_fails_alone(walk: Motion, tmp_path: Path) -> 
 
 
 def compared(run: Path, out: Path, ray: str | None) -> dict[str, Any]:
-    return compare([Task(run)], {"default": SMALL}, seeds=4, budgets=BUDGETS, out=out, jobs=2, ray=ray)
+    return compare(
+        [ComparisonTask(run)], {"default": SMALL}, seeds=4, budgets=BUDGETS, out=out, jobs=2, ray=ray
+    )
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from peers.crouch import crouching, write_idle_run
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.evaluate.robustness.disturb import command, disturb
 from kinemimic.evaluate.robustness.scenario_trials import (
-    Task,
+    ScenarioTask,
     Trials,
     event_times,
     median_time,
@@ -197,7 +197,9 @@ def test_a_trial_alone_is_that_among_others_to_the_last_bit(
 ) -> None:
     if engine == "native":
         pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
-    task = Task(crouching(walk), seeing(), PRESETS["default"].env, (scenario,), tuple(range(7)), 0, engine)
+    task = ScenarioTask(
+        crouching(walk), seeing(), PRESETS["default"].env, (scenario,), tuple(range(7)), 0, engine
+    )
     among = run_trials(task)[0].rewards
     assert len(np.unique(among, axis=0)) == 7
     np.testing.assert_array_equal(run_trials(task)[0].rewards, among)
@@ -215,7 +217,7 @@ def test_scenarios_tried_together_have_the_trials_and_controls_of_each_alone(wal
         replace(PULL, route=((0.4, 0.5),)),
     )
     ahead = replace(crouching(walk), cycle_offset=np.array([0.5, 0.0, 0.0]))  # a route must lead somewhere
-    task = Task(ahead, seeing(), PRESETS["default"].env, scenarios, (0, 1), 0, resolve("auto"))
+    task = ScenarioTask(ahead, seeing(), PRESETS["default"].env, scenarios, (0, 1), 0, resolve("auto"))
     together = run_trials(task)
     assert [found.rewards.shape for found in together] == [(2, 45), (2, 30), (2, 45), (2, 45)]
     assert not np.array_equal(together[0].control, together[2].control)
@@ -227,7 +229,9 @@ def test_scenarios_tried_together_have_the_trials_and_controls_of_each_alone(wal
 
 
 def test_trials_read_back_from_json_are_equal(walk: Motion) -> None:
-    task = Task(crouching(walk), seeing(), PRESETS["default"].env, (HARD,), (0, 1), 0, resolve("auto"))
+    task = ScenarioTask(
+        crouching(walk), seeing(), PRESETS["default"].env, (HARD,), (0, 1), 0, resolve("auto")
+    )
     (trials,) = run_trials(task)
     again = Trials.from_json(json.loads(json.dumps(trials.to_json())))
     for name, column in vars(trials).items():
@@ -237,7 +241,7 @@ def test_trials_read_back_from_json_are_equal(walk: Motion) -> None:
 
 def test_what_is_played_is_the_trial_of_that_number(walk: Motion) -> None:
     policy = seeing()
-    task = Task(crouching(walk), policy, PRESETS["default"].env, (PELTED,), (3,), 0, resolve("auto"))
+    task = ScenarioTask(crouching(walk), policy, PRESETS["default"].env, (PELTED,), (3,), 0, resolve("auto"))
     played, _ = replay_scenario(task.motion, policy, PRESETS["default"], PELTED, number=3)
     largest = sum(PRESETS["default"].final_reward.weights.values())
     measured = replace(task.config, reward=PRESETS["default"].final_reward)
@@ -253,7 +257,7 @@ def test_scenarios_of_one_name_are_refused(run: Path) -> None:
 
 def test_a_performance_that_ends_is_tried_to_its_end(walk: Motion) -> None:
     once = replace(crouching(walk), cyclic=False)
-    task = Task(once, constant(), PRESETS["default"].env, (PULL,), (0, 1), 0, resolve("auto"))
+    task = ScenarioTask(once, constant(), PRESETS["default"].env, (PULL,), (0, 1), 0, resolve("auto"))
     (trials,) = run_trials(task)
     assert trials.rewards.shape == (2, int(once.duration * 30 + 1e-6))
     assert not trials.phases.any()

@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.robustness import push_trials
-from kinemimic.evaluate.robustness.push_trials import DIRECTIONS, Task, push_from_all_directions
+from kinemimic.evaluate.robustness.push_trials import DIRECTIONS, PushTask, push_from_all_directions
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import load_trained
 
@@ -37,7 +37,9 @@ def survivals(engine: str, monkeypatch: pytest.MonkeyPatch, harder: float = 1.0)
         patched.setattr(push_trials, "GRID", tuple(harder * force for force in GRID))
         patched.setattr(push_trials, "EXTENDED_GRID", ())
         patched.setattr(push_trials, "RESOLUTION", float("inf"))  # no search between the grid's forces
-        found = [push_from_all_directions(Task(motion, policy, config, phase, engine)) for phase in PHASES]
+        found = [
+            push_from_all_directions(PushTask(motion, policy, config, phase, engine)) for phase in PHASES
+        ]
     assert all(one.survived_unpushed for phase in found for one in phase)
     return np.array([[sum(one.grid) for one in phase] for phase in found])
 

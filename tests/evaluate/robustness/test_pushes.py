@@ -24,8 +24,8 @@ from kinemimic.evaluate.robustness.push_trials import (
     EXTENDED_GRID,
     GRID,
     RESOLUTION,
+    PushTask,
     SearchResult,
-    Task,
     push_from_all_directions,
     push_phases,
     search,
@@ -178,8 +178,8 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> type[Judge]:
     return Judge
 
 
-def task(motion: Motion, phase: float = 0.25) -> Task:
-    return Task(motion, IDLE, EnvConfig(), phase, "auto")
+def task(motion: Motion, phase: float = 0.25) -> PushTask:
+    return PushTask(motion, IDLE, EnvConfig(), phase, "auto")
 
 
 def test_a_push_is_six_control_steps_on_the_pelvis_one_second_after_the_start(
@@ -262,7 +262,7 @@ def test_the_same_pushes_whatever_the_number_of_processes(tmp_path: Path, crouch
 def found(run: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A run whose figures have made-up borders: 30, 40 … 220 N, and 600 N to the right."""
 
-    def in_this_process(work: object, tasks: list[Task], **_: object) -> list[list[SearchResult]]:
+    def in_this_process(work: object, tasks: list[PushTask], **_: object) -> list[list[SearchResult]]:
         borders = [30.0 + 10.0 * k for k in range(len(tasks))]
         return [
             [SearchResult(threshold, True, tuple(threshold >= force for force in GRID))] * 3

@@ -12,14 +12,16 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.recovery import Recovery
 from kinemimic.train.recovery.maneuver import COLUMNS, KNOTS
-from kinemimic.train.recovery.search import Task, search
+from kinemimic.train.recovery.search import SearchTask, search
 from kinemimic.train.rollout.policy import POLICY, Policy
 from kinemimic.train.sim.engines import resolve
 
 
-def task(walk: Motion, trained: tuple[Policy, TrainConfig], settings: Recovery, phase: float = 0.02) -> Task:
+def task(
+    walk: Motion, trained: tuple[Policy, TrainConfig], settings: Recovery, phase: float = 0.02
+) -> SearchTask:
     policy, config = trained
-    return Task(
+    return SearchTask(
         walk, policy, config.measured_env, settings, phase, 0.02, np.pi, np.random.SeedSequence(1),
         resolve("auto"),
     )  # fmt: skip

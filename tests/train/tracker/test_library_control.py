@@ -20,7 +20,7 @@ from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.sim.engines import open_world, resolve
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 from kinemimic.train.tracker import library_control
-from kinemimic.train.tracker.library_control import HUMANOIDS, ROWS, Task, library_corrections
+from kinemimic.train.tracker.library_control import HUMANOIDS, ROWS, ControlTask, library_corrections
 
 _COLUMNS = JOINTS["knee"] + JOINTS["hip"]
 ENGINE = resolve("auto")
@@ -82,7 +82,7 @@ def test_the_mean_error_of_a_phase_is_that_of_the_humanoids(
 
 def test_corrections_make_knees_and_hips_err_less(tables: Path, tracker: tuple[Policy, TrainConfig]) -> None:
     policy, config = tracker
-    task = Task(tables, np.array([0, 1]), policy, config.measured_env, ENGINE)
+    task = ControlTask(tables, np.array([0, 1]), policy, config.measured_env, ENGINE)
     found = library_corrections(task)
     assert found.tables.shape == (2, ROWS, ACTIONS)
     assert found.learned.all()
@@ -94,7 +94,7 @@ def test_corrections_make_knees_and_hips_err_less(tables: Path, tracker: tuple[P
 def test_a_tracker_that_falls_learns_nothing(tables: Path, tmp_path: Path) -> None:
     policy, record = load_tracker(write_idle_tracker(tmp_path) / "policy.safetensors")
     env = TrainConfig.from_json(record["config"]).measured_env
-    found = library_corrections(Task(tables, np.array([1, 0]), policy, env, ENGINE))
+    found = library_corrections(ControlTask(tables, np.array([1, 0]), policy, env, ENGINE))
     assert not found.learned.any()
     assert not found.tables.any()
     assert np.isinf(found.after).all()

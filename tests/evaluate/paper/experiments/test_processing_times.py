@@ -17,8 +17,8 @@ from kinemimic.evaluate.paper.experiments.baseline_update import BaselineUpdate
 from kinemimic.evaluate.paper.experiments.ppo_update import OneUpdate, PpoUpdate
 from kinemimic.evaluate.paper.experiments.processing_times import (
     PRESET_OF,
-    Task,
     Timing,
+    TimingTask,
     growth,
     own_batch,
     processing_times,
@@ -170,7 +170,7 @@ def test_without_the_baselines_extra_there_is_only_ppo(monkeypatch: pytest.Monke
     def missing() -> None:
         raise KinemimicError("found none")
 
-    def here(work: Callable[[Task], Any], tasks: Sequence[Task], **_: object) -> list[Any]:
+    def here(work: Callable[[TimingTask], Any], tasks: Sequence[TimingTask], **_: object) -> list[Any]:
         return [work(task) for task in tasks]
 
     monkeypatch.setattr(module, "require_package", missing)
