@@ -1,5 +1,6 @@
 """Markers in a MAT-file: as Qualisys Track Manager exports them, as the MoCap Toolbox of the University of
-Jyväskylä stores them, or in a variable or field for each marker (`matlab_variables.py`).
+Jyväskylä stores them, in a variable or field for each marker (`matlab_variables.py`), or in a matrix with
+names beside it (`matlab_matrix.py`).
 
 QTM's structure has FrameRate and Trajectories.Labeled with Labels and Data (labels, 4, frames), the fourth
 number an error; a recording without markers, as by Theia Markerless, has Skeletons with SegmentLabels and
@@ -25,6 +26,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.laboratory import matlab_variables
+from kinemimic.pipeline.readers.laboratory.matlab_matrix import named_matrix
 from kinemimic.pipeline.readers.laboratory.matlab_variables import Recorded, first_number, is_array
 from kinemimic.pipeline.readers.optical.declared_unit import likeliest_unit
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
@@ -47,8 +49,11 @@ _MAX_RATE = 10_000.0
 
 
 def recognises(source: Source) -> bool:
-    """True if a variable is such a structure, or markers have variables or fields of their own."""
-    return bool(_structures(source)) or matlab_variables.holder(source) is not None
+    """True if a variable is such a structure, or markers have variables or fields of their own, or names
+    beside a matrix."""
+    if _structures(source) or matlab_variables.holder(source) is not None:
+        return True
+    return named_matrix(source) is not None
 
 
 def read(source: Source) -> Clip:

@@ -1,4 +1,4 @@
-"""Markers or joints of a MAT-file that have a variable or a field each.
+"""Markers or joints of a MAT-file that have a variable or a field each, or are named beside one matrix.
 
 Visual3D exports a cell of (frames, 3) for each signal, the Biomechanical ToolKit (btk) a structure of them
 and another one with their rate; people's own programs store either. Angles, forces and moments may stand
@@ -21,6 +21,7 @@ from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.clocks.clock import is_rate
 from kinemimic.pipeline.readers.clocks.video_clock import Rate, stated_rate, times_of_frames
+from kinemimic.pipeline.readers.laboratory.matlab_matrix import is_place, named_matrix
 from kinemimic.pipeline.readers.optical.marker_names import body_labels, joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.people import has_legs
@@ -28,12 +29,7 @@ from kinemimic.pipeline.readers.optical.people import has_legs
 # Hz, of markers and of joints, where nothing states it: points that are all called joints are a Kinect's.
 RATE, KINECT_RATE = 100.0, 30.0
 _RATES = ({"freq"}, {"frequency"}, {"fs"}, {"f", "s"})  # words of a name, beside those of `is_rate`
-# Words of what is no place, and of devices whose rate is not that of the markers.
-_NO_PLACES = frozenset((
-    "angle", "angles", "moment", "moments", "force", "forces", "power", "powers", "torque", "torques", "grf",
-    "velocity", "velocities", "vel", "acceleration", "accelerations", "acc", "rotation", "rotations",
-    "angular", "kinetics",
-))  # fmt: skip
+# Words of devices whose rate is not that of the markers.
 _DEVICES = frozenset(("analog", "analogs", "emg", "force", "forces", "fp", "grf", "imu", "platform", "plate"))
 _PLACES = frozenset(("marker", "markers", "point", "points", "trajectories", "joints", "skeleton"))
 
@@ -69,10 +65,11 @@ def recorded(source: Source) -> Recorded:
     Raises CaptureError for a damaged file, and for fields with the names of markers that are no such arrays.
     """
     name, known = holder(source), heads(source)
-    assert name is not None  # noqa: S101 (recognises() holds)
     own = [name] if name else [one for one, head in known.items() if _may_be_places(head.kind, head.shape)]
     values = variables(source, {*own, *(one for one, head in known.items() if _may_be_clock(one, head))})
     fields = values[name] if name else {one: values[one] for one in own}
+    if name is None:
+        fields = named_matrix(source)
     places = _places(fields, source)
     labels, frames = tuple(places), len(next(iter(places.values())))
     renamed = marker_set(source).renamed(labels, source)
@@ -94,7 +91,7 @@ def _places(fields: Value, source: Source) -> dict[str, Array]:
         label: value
         for label, one in (fields.items() if isinstance(fields, Mapping) else ())
         if is_array(value := _alone(one)) and value.ndim == 2 and value.shape[1] in (3, 4)
-        if _is_place(label)
+        if is_place(label)
     }
     lengths = Counter(len(value) for value in arrays.values())
     frames = lengths.most_common(1)[0][0] if lengths else 0
@@ -120,11 +117,7 @@ def first_number(value: Value) -> float | None:
 
 
 def _named_like_markers(name: str, labels: Sequence[str]) -> bool:
-    return _is_place(name) and has_legs(tuple(label for label in labels if _is_place(label)))
-
-
-def _is_place(name: str) -> bool:
-    return not _NO_PLACES & set(words_of(name))
+    return is_place(name) and has_legs(tuple(label for label in labels if is_place(label)))
 
 
 def _may_be_places(kind: str, shape: tuple[int, ...]) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,24 @@ def test_a_structure_of_markers_without_a_rate() -> None:
 ANGLES = {
     f"{side}{joint}Angles": np.full((FRAMES, 3), 20.0) for side in "LR" for joint in ("Hip", "Knee", "Ankle")
 }
+
+
+@pytest.mark.parametrize("order", ["TMX", "TXM", "MXT", "XMT", "MTX", "XTM", "T(MX)", "(MX)T"])
+@pytest.mark.parametrize("structure", [False, True])
+def test_names_beside_a_matrix(order: str, structure: bool) -> None:
+    rows = PLACES.reshape(FRAMES, -1)
+    flat = {"T(MX)": rows, "(MX)T": rows.T}
+    matrix = flat[order] if order in flat else PLACES.transpose(["TMX".index(axis) for axis in order])
+    velocities = np.gradient(matrix, axis=0)
+    both = {"velocities": velocities, "traj": matrix, "labels": sample.cells(LABELS), "fs": 0.5 * sample.RATE}
+    clip = read(sample.saved(**({"trial": both} if structure else both)))
+    assert clip.provenance["format"] == "markers in a MAT-file"
+    same_as_tsv(replace(clip, times=0.5 * clip.times))
+
+
+def test_names_that_no_matrix_has_are_no_capture() -> None:
+    with pytest.raises(CaptureError, match="expected a capture"):
+        read(sample.saved(labels=sample.cells(LABELS), emg=np.ones((FRAMES, 7))))
 
 
 def test_angles_forces_and_other_devices_beside_the_markers() -> None:
