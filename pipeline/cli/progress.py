@@ -49,7 +49,7 @@ class Bar:
         self._changed()
 
     def resumed(self, n: float) -> None:
-        """n more units were done before this task began, and so have no effect on the time left."""
+        """n more units were done before this task began: they do not count towards the time left."""
         self._done += n
         self._before += n
         self._changed()

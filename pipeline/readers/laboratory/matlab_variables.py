@@ -21,7 +21,7 @@ from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.clocks.clock import is_rate
 from kinemimic.pipeline.readers.clocks.video_clock import Rate, stated_rate, times_of_frames
-from kinemimic.pipeline.readers.laboratory.matlab_matrix import is_place, named_matrix
+from kinemimic.pipeline.readers.laboratory.matlab_matrix import PLACES, is_place, named_matrix
 from kinemimic.pipeline.readers.optical.marker_names import body_labels, joint_centres
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.people import has_legs
@@ -31,7 +31,6 @@ RATE, KINECT_RATE = 100.0, 30.0
 _RATES = ({"freq"}, {"frequency"}, {"fs"}, {"f", "s"})  # words of a name, beside those of `is_rate`
 # Words of devices whose rate is not that of the markers.
 _DEVICES = frozenset(("analog", "analogs", "emg", "force", "forces", "fp", "grf", "imu", "platform", "plate"))
-_PLACES = frozenset(("marker", "markers", "point", "points", "trajectories", "joints", "skeleton"))
 
 
 class Recorded(NamedTuple):
@@ -53,7 +52,7 @@ def holder(source: Source) -> str | None:
         name for name, head in known.items() if head.fields and _named_like_markers(name, head.fields)
     ]
     if structures:
-        return min(structures, key=lambda name: not _PLACES & set(words_of(name)))
+        return min(structures, key=lambda name: not PLACES & set(words_of(name)))
     names = tuple(name for name, head in known.items() if _may_be_places(head.kind, head.shape))
     return "" if _named_like_markers("", names) else None
 
@@ -158,7 +157,7 @@ def _rate(values: Mapping[str, Value], fields: Value, source: Source) -> tuple[R
     structures = {name: value for name, value in values.items() if isinstance(value, Mapping)}
     of_markers = sorted(
         (name for name in structures if not _DEVICES & set(words_of(name))),
-        key=lambda name: not _PLACES & set(words_of(name)),
+        key=lambda name: not PLACES & set(words_of(name)),
     )
     stated: dict[float, str] = {}
     for group in (fields, values, *(structures[name] for name in of_markers)):

@@ -182,13 +182,14 @@ def _with_trailing_cells(source: Source, start: int) -> Source:
 
     Not in the last line, which may be cut off.
     """
-    rows = [line.rstrip("\t ").split("\t") if line.strip() else [] for line in source.lines[start:]]
-    width = max(map(len, rows), default=0)
-    last = max((k for k, row in enumerate(rows) if row), default=-1)
-    filled = [
-        "\t".join(row + [""] * (width - len(row))) if k < last and len(row) % 3 == 2 else line
-        for k, (row, line) in enumerate(zip(rows, source.lines[start:], strict=True))
-    ]
+    lines = source.lines[start:]
+    width = max((len(line.split("\t")) for line in lines), default=0)
+    last = max((k for k, line in enumerate(lines) if line.strip()), default=-1)
+    filled = list(lines)
+    for k, line in enumerate(lines[: max(last, 0)]):
+        cells = line.rstrip("\t ").split("\t")
+        if line.strip() and len(line.split("\t")) < width and len(cells) % 3 == 2:
+            filled[k] = "\t".join([*cells, *[""] * (width - len(cells))])
     return source.with_text("\n".join([*source.lines[:start], *filled]))
 
 

@@ -5,7 +5,8 @@ Two markers are suspected where each fits in the other's place by the distances 
 frames in which they are exchanged are those that fit best and jump least (Viterbi algorithm). A position that
 no pose explains and no other marker fits is removed.
 
-The labels of most frames are taken to be right: markers that are exchanged in all frames are not found.
+The labels of most frames are taken to be right. Exchanges for more than a tenth of the recording are found by
+their jumps alone, since the usual distances are then unknown.
 """
 
 from __future__ import annotations
@@ -16,23 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.kinematics.spans import frame_runs
+from kinemimic.pipeline.kinematics.spans import all_finite, frame_runs
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.optical.marker_mates import Mates, distances, mates_of
+from kinemimic.pipeline.readers.optical.marker_names import body_labels
 
 # A marker may be in a wrong place if it is off the distances to the first share of its mates; it fits in a
 # place if it is off to at most the second share, of two mates or more.
 _WRONG, _FITS, _FEWEST_MATES = 0.5, 0.34, 2
-# A position is removed if it is off by this many metres to most mates, three at least. From standing to a
-# deep squat, the distances between neighbouring segments change by up to 0.25.
-_MIN_REMOVED, _MOST, _FEWEST_REMOVING = 0.35, 0.6, 3
+# With more than this share of the markers in a wrong place, the body is in a pose that the recording rarely
+# has, and the distances tell nothing.
+_MOST_WRONG = 0.3
+# A position is removed if it is off by this many metres to most mates, three at least: more than from an arm
+# that hangs to one that is raised.
+_MIN_REMOVED, _MOST, _FEWEST_REMOVING = 1.5, 0.6, 3
+_LISTED = 5  # pairs and markers in a text
 # Metres off the line through the last two frames: a jump. Two markers have exchanged their places if they
 # move less by this factor with each other's labels.
 _JUMP, _NEARER = 0.05, 4.0
 # Costs beside those of misfits, one for each marker that does not fit: of a step in which a pair jumps, of a
 # change.
 _STEP, _CHANGE = 2.0, 1.0
+# Of the frames of an exchange in which mates are seen, this share must have a marker that surely fits in it.
+_SURE = 0.8
 # Where only jumps tell, each change must save this much: one between two certain places saves 0.8.
 _CLEAR = 0.4
 # No change between two frames in which the markers move on: their steps are less than this share of the sum
@@ -43,21 +51,20 @@ _MOVES_ON = 0.5
 def exchange_labels(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defect]]:
     """The points (T, M, 3) with exchanged markers put back and misplaced ones removed, and the defect.
 
-    labels: (M,), "" for a point without a label, which may be a marker that lost it; points: metres, NaN
-    where missing.
+    labels: (M,); points: metres, NaN where missing. Only labels that are known of a body count.
     """
-    named = np.array([bool(label) for label in labels], dtype=np.bool_)
-    repaired = points.copy()
+    known = [k for k, label in enumerate(labels) if label in set(body_labels(labels))]
+    repaired = points[:, known]
     exchanged: dict[tuple[int, int], Mask] = {}
-    with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers, which are refused later
-        mates = [mates_of(k, points, named) for k in range(len(labels))]
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are too large to be squared
+        mates = [mates_of(k, repaired) for k in range(len(known))]
         for pair, frames in _exchanges(repaired, mates):
             exchanged[pair] = exchanged.get(pair, np.zeros(len(points), dtype=np.bool_)) ^ frames
         removed = _remove(repaired, mates)
     changed = np.logical_or.reduce([removed.any(axis=1), *exchanged.values()])
     if not changed.any():
         return points, []
-    called = [label or "a point without a label" for label in labels]
+    called = [labels[k][:40] for k in known]
     parts = [
         f"{called[a]} and {called[b]} in {plural(int(frames.sum()), 'frame')}, exchanged"
         for (a, b), frames in exchanged.items()
@@ -67,8 +74,11 @@ def exchange_labels(labels: tuple[str, ...], points: Array) -> tuple[Array, list
         f"{called[k]} off its segment in {plural(int(removed[:, k].sum()), 'frame')}, removed there"
         for k in np.flatnonzero(removed.any(axis=0)).tolist()
     ]
-    text = "; ".join(parts)
-    return repaired, [
+    more = [f"and {len(parts) - _LISTED} more"] if len(parts) > _LISTED else []
+    text = "; ".join([*parts[:_LISTED], *more])
+    whole = points.copy()
+    whole[:, known] = repaired
+    return whole, [
         Defect("wrong_labels", int(changed.sum()), "frames", "repaired", text, frame_runs(changed))
     ]
 
@@ -79,7 +89,13 @@ def _exchanges(points: Array, mates: list[Mates]) -> Iterator[tuple[tuple[int, i
     The clearest first: the others are judged anew with its markers in their places.
     """
     for _ in range(len(mates)):
-        suspected = {pair: _exchanged(*pair, points, mates) for pair in _suspected(points, mates)}
+        wrong = _wrong(points, mates)
+        rare = wrong.mean(axis=1) > _MOST_WRONG
+        wrong[rare] = False
+        suspected = {
+            pair: _exchanged(*pair, points, mates, rare)
+            for pair in _misfits(points, mates, wrong) | _crossings(points)
+        }
         clearest = sorted(suspected, key=lambda pair: (-suspected[pair][1], pair))
         moved = np.zeros(len(points), dtype=np.bool_)
         for a, b in clearest:
@@ -93,16 +109,20 @@ def _exchanges(points: Array, mates: list[Mates]) -> Iterator[tuple[tuple[int, i
             return
 
 
-def _suspected(points: Array, mates: list[Mates]) -> set[tuple[int, int]]:
-    return _misfits(points, mates) | _crossings(points)
+def _wrong(points: Array, mates: list[Mates]) -> Mask:
+    """Mask (T, M) of the markers that may be in a wrong place."""
+    wrong = np.zeros(points.shape[:2], dtype=np.bool_)
+    for k, own in enumerate(mates):
+        share, seen = own.off(points[:, k], points, without=k)
+        wrong[:, k] = (share >= _WRONG) & (seen >= _FEWEST_MATES)
+    return wrong
 
 
-def _misfits(points: Array, mates: list[Mates]) -> set[tuple[int, int]]:
-    """Pairs of which, in some frame, one is in a wrong place, and fits in the other's or the other in its."""
+def _misfits(points: Array, mates: list[Mates], wrong: Mask) -> set[tuple[int, int]]:
+    """Pairs of which, in some frame, one does not fit, and would in the other's place or the other in its."""
     pairs: set[tuple[int, int]] = set()
     for a, own in enumerate(mates):
-        share, seen = own.off(points[:, a], points, without=a)
-        here = points[(share >= _WRONG) & (seen >= _FEWEST_MATES)]
+        here = points[wrong[:, a]]
         if not len(here):
             continue
         for b, others in enumerate(mates):
@@ -130,14 +150,16 @@ def _crossings(points: Array) -> set[tuple[int, int]]:
     return pairs
 
 
-def _exchanged(a: int, b: int, points: Array, mates: list[Mates]) -> tuple[Mask, float]:
+def _exchanged(a: int, b: int, points: Array, mates: list[Mates], rare: Mask) -> tuple[Mask, float]:
     """The frames (T,) in which two markers are exchanged, those that fit best and jump least, and the cost
-    that this saves."""
-    misfits, shares = zip(
-        _misfit(a, b, points, mates), _misfit(a, b, points, mates, exchanged=True), strict=True
-    )
-    tells = misfits[0] != misfits[1]
-    misfit = np.where(tells[:, None], np.stack(misfits, axis=1) + np.stack(shares, axis=1), 0.0)
+    that this saves. rare: frames (T,) in which the distances tell nothing."""
+    straight, off_straight, sure_straight = _misfit(a, b, points, mates)
+    crossed, off_crossed, sure_crossed = _misfit(a, b, points, mates, exchanged=True)
+    # A frame tells which way is right only if a marker surely fits that way.
+    tells = ~rare & (((crossed < straight) & sure_crossed) | ((straight < crossed) & sure_straight))
+    costs = np.stack([straight + off_straight, crossed + off_crossed], axis=1)
+    misfit = np.where(tells[:, None], costs, 0.0)
+    seen = all_finite(points[:, a]) | all_finite(points[:, b])
     stay = _steps(a, b, points)
     # Blocks of frames between which no change is possible have one state.
     begin = np.flatnonzero(np.concatenate([[True], stay >= _MOVES_ON]))
@@ -150,39 +172,45 @@ def _exchanged(a: int, b: int, points: Array, mates: list[Mates]) -> tuple[Mask,
     undecided = not tells.any()
     if undecided and saved < _CLEAR * np.count_nonzero(np.diff(blocks)):
         path = np.zeros_like(path)  # two near markers, and noise
-    if path.sum() > 0.5 * len(path):
+    path &= seen
+    judged = path & ~rare & (sure_straight | sure_crossed | (straight + crossed > 0))
+    if judged.any() and sure_crossed[judged].mean() < _SURE:
+        path = np.zeros_like(path)  # a pose that the recording rarely has
+    if path.sum() > 0.5 * seen.sum():
         # The labels of most frames are right.
-        path = ~path if undecided else np.zeros_like(path)
+        path = seen & ~path if undecided else np.zeros_like(path)
     return path, saved
 
 
 def _misfit(
     a: int, b: int, points: Array, mates: list[Mates], *, exchanged: bool = False
-) -> tuple[NDArray[np.intp], Array]:
-    """How many of two markers do not fit (T,), and the sum (T,) of the shares of mates to which they are off.
-
-    A marker without mates fits anywhere.
-    """
+) -> tuple[NDArray[np.intp], Array, Mask]:
+    """How many of two markers do not fit (T,), the sum (T,) of the shares of mates to which they are off, and
+    whether one surely fits (T,)."""
     places = (points[:, b], points[:, a]) if exchanged else (points[:, a], points[:, b])
     one, seen_one = mates[a].off(places[0], points, without=b)
     other, seen_other = mates[b].off(places[1], points, without=a)
-    count = ((one > _FITS) & (seen_one >= _FEWEST_MATES)).astype(np.intp)
-    count += (other > _FITS) & (seen_other >= _FEWEST_MATES)
-    return count, one + other
+    known_one, known_other = seen_one >= _FEWEST_MATES, seen_other >= _FEWEST_MATES
+    count = ((one > _FITS) & known_one).astype(np.intp) + ((other > _FITS) & known_other)
+    sure = ((one <= _FITS) & known_one) | ((other <= _FITS) & known_other)
+    return count, one + other, np.asarray(sure)
 
 
 def _steps(a: int, b: int, points: Array) -> Array:
     """Share (T - 1,) of the steps between frames in the sum of these and of those to each other's place.
 
-    Near 0 where the markers move on, near 1 where they change places; 0.5 where nothing tells.
+    Near 0 where the markers move on, near 1 where they change places; 0.5 where nothing tells. A marker that
+    moves by less than a jump, beside one that is hidden, moves on.
     """
     both = points[:, [a, b]]
     steps, crossed = distances(both[1:], both[:-1]), distances(both[1:], both[:-1, ::-1])
     straight, across = (
         np.nansum(one, axis=1) / np.maximum(np.isfinite(one).sum(axis=1), 1) for one in (steps, crossed)
     )
-    known = np.isfinite(steps).any(axis=1) & np.isfinite(crossed).any(axis=1) & (straight + across > 0.0)
+    moves, changes = np.isfinite(steps).any(axis=1), np.isfinite(crossed).any(axis=1)
     share = np.full(len(steps), 0.5)
+    share[moves & ~changes & (straight < _JUMP)] = 0.0
+    known = moves & changes & (straight + across > 0.0)
     share[known] = straight[known] / (straight + across)[known]
     return share
 
@@ -214,7 +242,7 @@ def _remove(points: Array, mates: list[Mates]) -> Mask:
     for k, own in enumerate(mates):
         differences = own.differences(points[:, k], points)
         seen = np.isfinite(differences).sum(axis=1)
-        far = (differences > _MIN_REMOVED).sum(axis=1)
+        far = (np.isfinite(differences) & (differences > _MIN_REMOVED)).sum(axis=1)
         removed[:, k] = (far >= _MOST * seen) & (seen >= _FEWEST_REMOVING)
     points[removed] = np.nan
     return removed

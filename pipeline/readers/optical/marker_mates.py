@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.arrays import Array
 
-# Metres, robust standard deviation. The distances within a rigid segment vary by 0.002 to 0.01, those across
-# one joint by 0.01 to 0.03.
-_MAX_SPREAD = 0.03
+# Metres, standard deviation by the deviation that a tenth of the frames exceeds: the median one would be that
+# of standing, in a recording of a few steps. The distances within a rigid segment vary by 0.002 to 0.01, and
+# those across one joint by 0.01 to 0.03.
+_MAX_SPREAD, _QUANTILE, _SD_OVER_QUANTILE = 0.03, 0.9, 1.0 / 1.645
 # Metres. Far mates hardly tell two places apart: the nearer, the better, at this many metres of spread each.
 _NEAR, _SPREAD_PER_METRE = 0.70, 0.03
 _MOST_MATES = 6
@@ -24,7 +25,6 @@ _MOST_MATES = 6
 # which no bend of a joint and no skin explains.
 _MIN_OFF, _MIN_OFF_SPREADS = 0.05, 5.0
 _SAMPLED, _FEWEST_SAMPLES = 200, 20  # frames from which the usual distances are computed
-_SD_OVER_MAD = 1.4826
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Mates:
         with_it = self.markers != without
         differences = self.differences(place, points)[:, with_it]
         seen = np.isfinite(differences).sum(axis=1)
-        off = (differences > self.tolerance[with_it]).sum(axis=1)
+        off = (np.isfinite(differences) & (differences > self.tolerance[with_it])).sum(axis=1)
         return off / np.maximum(seen, 1), seen
 
 
@@ -61,20 +61,16 @@ def distances(one: Array, other: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def mates_of(marker: int, points: Array, named: Mask) -> Mates:
-    """The mates of a marker among the named ones (M,); none for a point without a name.
-
-    points: (T, M, 3) metres, NaN where missing.
-    """
+def mates_of(marker: int, points: Array) -> Mates:
+    """The mates of a marker among points (T, M, 3), metres, NaN where missing."""
     sampled = points[:: max(1, len(points) // _SAMPLED)]
     distance = distances(sampled, sampled[:, marker, None])
-    enough = named & (np.isfinite(distance).sum(axis=0) >= min(_FEWEST_SAMPLES, len(sampled)))
+    enough = np.isfinite(distance).sum(axis=0) >= min(_FEWEST_SAMPLES, len(sampled))
     enough[marker] = False
-    candidates = np.flatnonzero(enough & named[marker])
+    candidates = np.flatnonzero(enough)
     known = distance[:, candidates]
-    middle = np.median if np.isfinite(known).all() else np.nanmedian  # which takes eight times as long
-    usual = middle(known, axis=0)
-    spread = _SD_OVER_MAD * middle(np.abs(known - usual), axis=0)
+    usual = np.nanmedian(known, axis=0)
+    spread = _SD_OVER_QUANTILE * np.nanquantile(np.abs(known - usual), _QUANTILE, axis=0)
     order = np.argsort(spread + _SPREAD_PER_METRE * usual, kind="stable")
     order = order[(spread[order] < _MAX_SPREAD) & (usual[order] < _NEAR)][:_MOST_MATES]
     tolerance = np.maximum(_MIN_OFF, _MIN_OFF_SPREADS * spread[order])

@@ -100,6 +100,21 @@ def test_names_beside_a_matrix(order: str, structure: bool) -> None:
     same_as_tsv(replace(clip, times=0.5 * clip.times))
 
 
+def test_orientations_beside_the_matrix_and_names_that_are_empty_or_doubled() -> None:
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (FRAMES, len(LABELS) + 3, 1))
+    places = np.concatenate([PLACES, np.ones((FRAMES, 3, 3))], axis=1)
+    names = sample.cells([*LABELS, "", "", LABELS[0]])
+    trial = {"labels": names, "orientation": turns, "axes": turns[..., :3], "position": places}
+    same_as_tsv(read(sample.saved(trial=trial)))
+
+
+def test_other_names_and_structures_do_not_matter() -> None:
+    deep: Any = 1.0
+    for _ in range(30):
+        deep = {"a": deep}
+    same_as_tsv(read(sample.saved(name="walk 1", labels=sample.cells(LABELS), traj=PLACES, deep=deep)))
+
+
 def test_names_that_no_matrix_has_are_no_capture() -> None:
     with pytest.raises(CaptureError, match="expected a capture"):
         read(sample.saved(labels=sample.cells(LABELS), emg=np.ones((FRAMES, 7))))

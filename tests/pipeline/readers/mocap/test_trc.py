@@ -97,6 +97,19 @@ def test_empty_cells_may_be_left_out_at_the_end_of_a_line() -> None:
     assert np.flatnonzero(np.isnan(head[:, 0])).tolist() == [0, *range(6, 11)]
 
 
+@pytest.mark.parametrize("closing", ["", "\t"])
+def test_the_last_marker_is_never_seen(closing: str) -> None:
+    """All lines have its cells, which are empty."""
+    parts = TEXT.split("\n")
+    for k, line in enumerate(parts[6:], start=6):
+        if line:
+            parts[k] = "\t".join([*line.split("\t")[:-3], "", "", ""]) + closing
+    clip, whole = read("\n".join(parts)), read(TEXT)
+    assert "head" not in clip.skeleton.names
+    knee = [one.skeleton.names.index("knee_left") for one in (clip, whole)]
+    assert np.array_equal(clip.positions[:, knee[0]], whole.positions[:, knee[1]])
+
+
 def test_units_of_the_header() -> None:
     metres = TEXT.split("\n")
     metres[2] = metres[2].replace("mm", "m")
