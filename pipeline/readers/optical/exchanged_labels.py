@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.spans import all_finite, frame_runs
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.optical.marker_mates import Mates, distances, mates_of
-from kinemimic.pipeline.readers.optical.marker_names import body_labels
+from kinemimic.pipeline.readers.optical.marker_names import body_labels, is_named
 
 # A marker may be in a wrong place if it is off the distances to the first share of its mates; it fits in a
 # place if it is off to at most the second share, of two mates or more.
@@ -32,6 +32,7 @@ _MOST_WRONG = 0.3
 # A position is removed if it is off by this many metres to most mates, three at least: more than from an arm
 # that hangs to one that is raised.
 _MIN_REMOVED, _MOST, _FEWEST_REMOVING = 1.5, 0.6, 3
+_MANY = 120  # named points, which a body does not have: the time grows with the square of their number
 _LISTED = 5  # pairs and markers in a text
 # Metres off the line through the last two frames: a jump. Two markers have exchanged their places if they
 # move less by this factor with each other's labels.
@@ -51,9 +52,12 @@ _MOVES_ON = 0.5
 def exchange_labels(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defect]]:
     """The points (T, M, 3) with exchanged markers put back and misplaced ones removed, and the defect.
 
-    labels: (M,); points: metres, NaN where missing. Only labels that are known of a body count.
+    labels: (M,); points: metres, NaN where missing. Only named points count, and of very many only those with
+    names that are known of a body.
     """
-    known = [k for k, label in enumerate(labels) if label in set(body_labels(labels))]
+    known = [k for k, label in enumerate(labels) if is_named(label)]
+    if len(known) > _MANY:
+        known = [k for k, label in enumerate(labels) if label in set(body_labels(labels))]
     repaired = points[:, known]
     exchanged: dict[tuple[int, int], Mask] = {}
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that are too large to be squared

@@ -287,7 +287,7 @@ def without_subject(labels: Sequence[str]) -> tuple[str, ...]:
         parts = [_FIRST_WORD.fullmatch(label) for label in bare]
         words = Counter(part[1].lower() for part in parts if part)
         word, count = max(words.items(), key=lambda item: item[1], default=("", 0))
-        named = sum(_UNNAMED.fullmatch(label) is None for label in bare)
+        named = sum(map(is_named, bare))
         if count < max(_FEWEST_OF_SUBJECT, named // 2 + 1) or word in ("l", "r", *SIDES):
             return bare
         bare = tuple(
@@ -329,6 +329,11 @@ def canonical_labels(landmark: str, count: int) -> tuple[str, ...] | None:
         return None
     found = next((labels for labels in patterns if len(labels) == count), None)
     return None if found is None else tuple(label.replace("*", side[:1]) for label in found)
+
+
+def is_named(label: str) -> bool:
+    """Whether a label is a name, and not the number of a point without one."""
+    return _UNNAMED.fullmatch(label.strip()) is None
 
 
 def body_labels(labels: Sequence[str]) -> tuple[str, ...]:
