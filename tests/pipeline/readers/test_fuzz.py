@@ -39,11 +39,13 @@ NO_FORMATS = {
     "corpus",
     "depth_scene",
     "described_euler",
+    "live_stream",
     "mirror",
     "motion",
     "mutate",
     "noiseless",
     "walker",
+    "workbook",
 }
 FORMATS = sorted(name for _, name, _ in pkgutil.iter_modules(samples.__path__) if name not in NO_FORMATS)
 
