@@ -24,6 +24,13 @@ def median(values: Array) -> float:
     return float(np.median(seen)) if len(seen) else float("nan")
 
 
+def distances(one: Array, other: Array) -> Array:
+    """Distances (…) between points (…, 3)."""
+    # Written out per axis: numpy takes five times as long to reduce an axis of three.
+    x, y, z = np.moveaxis(one - other, -1, 0)
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
 def median_distance(one: Array, other: Array) -> float:
     """Median distance of points (..., 3) over those that are finite in both; infinite if there are none."""
     middle = median(np.linalg.norm(one - other, axis=-1))

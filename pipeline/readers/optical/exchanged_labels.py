@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import all_finite, frame_runs
+from kinemimic.pipeline.kinematics.vectors import distances
 from kinemimic.pipeline.plural import plural
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.optical.marker_mates import Mates, distances, mates_of
+from kinemimic.pipeline.readers.optical.marker_mates import Mates, mates_of
 from kinemimic.pipeline.readers.optical.marker_names import body_labels, is_named
 
 # A marker may be in a wrong place if it is off the distances to the first share of its mates; it fits in a

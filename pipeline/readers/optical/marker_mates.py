@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.vectors import distances
 
 # Metres, standard deviation by the deviation that a tenth of the frames exceeds: the median one would be that
 # of standing, in a recording of a few steps. The distances within a rigid segment vary by 0.002 to 0.01, and
@@ -54,13 +55,6 @@ class Mates:
         return off / np.maximum(seen, 1), seen
 
 
-def distances(one: Array, other: Array) -> Array:
-    """Distances (…) between points (…, 3)."""
-    # Written out per axis: numpy takes five times as long to reduce an axis of three.
-    x, y, z = np.moveaxis(one - other, -1, 0)
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-
 def mates_of(marker: int, points: Array) -> Mates:
     """The mates of a marker among points (T, M, 3), metres, NaN where missing."""
     sampled = points[:: max(1, len(points) // _SAMPLED)]
@@ -69,8 +63,10 @@ def mates_of(marker: int, points: Array) -> Mates:
     enough[marker] = False
     candidates = np.flatnonzero(enough)
     known = distance[:, candidates]
-    usual = np.nanmedian(known, axis=0)
-    spread = _SD_OVER_QUANTILE * np.nanquantile(np.abs(known - usual), _QUANTILE, axis=0)
+    # With NaN, numpy takes many times as long.
+    quantile = np.quantile if np.isfinite(known).all() else np.nanquantile
+    usual = quantile(known, 0.5, axis=0)
+    spread = _SD_OVER_QUANTILE * quantile(np.abs(known - usual), _QUANTILE, axis=0)
     order = np.argsort(spread + _SPREAD_PER_METRE * usual, kind="stable")
     order = order[(spread[order] < _MAX_SPREAD) & (usual[order] < _NEAR)][:_MOST_MATES]
     tolerance = np.maximum(_MIN_OFF, _MIN_OFF_SPREADS * spread[order])
