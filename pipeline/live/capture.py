@@ -55,11 +55,10 @@ class LiveCapture:
     """Takes frames as they come, and gives a moment at every `step` seconds.
 
     lag: seconds between the newest frame and the moment; reading: of the last sender that was recognised;
-    frames, refused, late, thinned: numbers of frames that were used, that did not fit the sender's others,
-    that came after a later one, and that were too close to the one before; complaint: what is wrong with what
-    comes now, "" if nothing; last_fault: why the last frame was refused; quiet: s since a frame that fitted
-    and was later than all before;
-    senders: number of times that a sender began.
+    frames, refused, late, thinned: numbers of frames that were used, that did not fit the sender's others or
+    their times, that came after a later one, and that were too close to the one before; complaint: what is
+    wrong with what comes now, "" if nothing; last_fault: why the last frame was refused; quiet: s since a
+    frame that fitted and was later than all before; senders: number of times that a sender began.
     """
 
     def __init__(self, *, step: float, lag: float = LAG, up: str | None = None) -> None:
@@ -73,10 +72,41 @@ class LiveCapture:
         self._pending: list[CapturedFrame] = []
         self._raw = np.full((20, 3), np.nan)
         self._newest: CapturedFrame | None = None
+        self._stray: CapturedFrame | None = None
         self._apart = self._close = self._same = self._odd = 0
 
     def take(self, frame: CapturedFrame) -> None:
-        """Add a frame; KinemimicError for one that the sender's others contradict."""
+        """Add a frame; KinemimicError for one that the sender's others contradict.
+
+        A frame whose time is far from the others' waits for the next one, which shows whether the clock has
+        jumped or this one time is wrong.
+        """
+        stray, self._stray = self._stray, None
+        try:
+            if stray is not None and self._is_near(frame):
+                self.refused += 1
+                self.last_fault = f"expected a time near {frame.time:.6g} s, found {stray.time:.6g} s"
+            elif stray is not None:
+                self._accept(stray)
+        finally:
+            if self._jumps(frame):
+                self._stray = frame
+            else:
+                self._accept(frame)
+
+    def _is_near(self, frame: CapturedFrame) -> bool:
+        """Whether a frame's time is near that of the newest frame, if there is one."""
+        last = self._newest
+        return last is not None and last.time - WINDOW < frame.time <= last.time + FORGET
+
+    def _jumps(self, frame: CapturedFrame) -> bool:
+        """Whether a sender that has not been silent sends a time far from the one before."""
+        last = self._newest
+        if last is None or len(frame.positions) != len(last.positions):
+            return False
+        return self.quiet <= FORGET and not self._is_near(frame)
+
+    def _accept(self, frame: CapturedFrame) -> None:
         gap = 0.0 if self._newest is None else frame.time - self._newest.time
         try:
             if self._begins(frame):
@@ -119,7 +149,7 @@ class LiveCapture:
         if frame.time <= last.time and self.quiet > FORGET:
             return True
         # A sender that was started again counts from the beginning.
-        return not last.time - WINDOW < frame.time <= last.time + FORGET
+        return not self._is_near(frame)
 
     def _goes_on(self, frame: CapturedFrame) -> bool:
         """Whether a frame is probably from the same sender after a pause: its clock goes on."""

@@ -109,6 +109,26 @@ def test_a_stray_frame_of_another_layout_does_not_shut_out_the_sender() -> None:
     assert (capture.refused, capture.frames) == (60, 60)
 
 
+@pytest.mark.parametrize("wrong", [1e6, -50.0, 3.0])
+def test_a_frame_with_a_wrong_time_is_left_out_and_the_stream_goes_on(wrong: float) -> None:
+    sent = frames()
+    stray = frame_of(sent[50].time + wrong, CLIP.positions[50])
+    capture, sound = LiveCapture(step=STEP), LiveCapture(step=STEP)
+    for k, frame in enumerate(sent):
+        capture.take(stray if k == 50 else frame)
+        sound.take(frame)
+        if k % 2 == 0:  # the walker has 60 frames a second
+            continue
+        moment, expected = capture.advance(), sound.advance()
+        if moment is None or expected is None:
+            assert moment is expected
+            continue
+        assert moment.shows_person == expected.shows_person
+        assert np.nanmax(np.abs(moment.positions[moment.now] - expected.positions[expected.now])) < 0.01
+    assert (capture.senders, capture.refused, capture.frames) == (1, 1, len(sent) - 1)
+    assert "expected a time near 0.85 s" in capture.last_fault
+
+
 def test_no_human_size_is_refused() -> None:
     capture = LiveCapture(step=STEP)
     with pytest.raises(KinemimicError, match="leg of human length"):
