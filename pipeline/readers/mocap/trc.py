@@ -203,12 +203,29 @@ def _rate(declared: dict[str, str]) -> float:
 
 
 def _clock(clock: Array, declared: dict[str, str]) -> tuple[Array, list[str]]:
-    """The Time column, unless it holds no times (zeros, or the frames' numbers): then frames at DataRate."""
+    """The Time column, unless it holds no times (zeros, or the frames' numbers), or too few digits for
+    DataRate: then frames at DataRate."""
     rate, steps = _rate(declared), np.diff(clock)
-    if not rate or not len(steps) or 0.0 < np.median(steps) < _SLOWEST * max(1.0, 1.0 / rate):
+    if not rate or not len(steps):
+        return clock, []
+    if _is_rounded(clock, rate):
+        note = f"the Time column is rounded to hundredths or tenths: frames at the header's {rate:g} Hz"
+        return clock[0] + np.arange(len(clock)) / rate, [note]
+    if 0.0 < np.median(steps) < _SLOWEST * max(1.0, 1.0 / rate):
         return clock, []
     note = f"the Time column holds no times: frames at the header's {rate:g} Hz"
     return np.arange(len(clock)) / rate, [note]
+
+
+def _is_rounded(clock: Array, rate: float) -> bool:
+    """Whether times (T,) are those of frames at this rate, rounded to one or two digits, which do not suffice
+    for it (as two do for 100 Hz)."""
+    for unit in (0.1, 0.01):
+        if np.abs(clock / unit - np.round(clock / unit)).max() < 1e-6:
+            digits_suffice = abs(1.0 / rate / unit - round(1.0 / rate / unit)) < 1e-6
+            apart = np.ptp(clock - np.arange(len(clock)) / rate)
+            return not digits_suffice and bool(apart < 1.001 * unit)
+    return False
 
 
 def _times(

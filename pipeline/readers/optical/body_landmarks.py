@@ -15,13 +15,14 @@ from kinemimic.pipeline.readers.optical.rigid_segments import fill_rigid
 class Landmarks:
     """Positions (T, 3) of landmarks, NaN where missing; the mean for a landmark of several markers.
 
-    labels: (M,), "" for a marker that was never seen; points: (T, M, 3), NaN where missing.
+    labels: (M,), "" for a marker that was never seen; points: (T, M, 3), NaN where missing. A position of
+    three equal numbers is missing too: files write 0, 9999 or -999 for what they do not have.
     """
 
     def __init__(self, labels: tuple[str, ...], points: Array) -> None:
         x, y, z = np.moveaxis(points, -1, 0)
         # Written out per axis: numpy takes five times as long to reduce an axis of three.
-        missing = ~(np.isfinite(x) & np.isfinite(y) & np.isfinite(z)) | ((x == 0) & (y == 0) & (z == 0))
+        missing = ~(np.isfinite(x) & np.isfinite(y) & np.isfinite(z)) | ((x == y) & (y == z))
         self.points = np.where(missing[..., None], np.nan, points)
         never = missing.all(axis=0)
         self.labels = tuple("" if gone else label for label, gone in zip(labels, never, strict=True))

@@ -229,6 +229,29 @@ def test_the_time_column_wins_over_the_header() -> None:
     )
 
 
+@pytest.mark.parametrize(("rate", "digits"), [(120.0, 2), (60.0, 2), (100.0, 1)])
+def test_a_time_column_of_few_digits_gives_way_to_the_rate(rate: float, digits: int) -> None:
+    shown = walk(60, rate)
+    points = 1000.0 * np.stack(list(markers(shown).values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    even = text(list(markers(shown)), shown.times, points, rate=rate).split("\n")
+    first = next(k for k, row in enumerate(even) if row.startswith("1\t"))
+
+    def rounded(dropped: int) -> Clip:
+        rows = list(even)
+        for k in range(first, len(rows)):
+            cells = rows[k].split("\t")
+            if len(cells) > 2:
+                rows[k] = "\t".join([cells[0], f"{(k - first) / rate:.{digits}f}", *cells[2:]])
+        return read("\n".join(rows[: first + 30] + rows[first + 30 + dropped :]))
+
+    clip = rounded(0)
+    assert clip.provenance["reading"]["defects"] == []
+    assert np.allclose(clip.times, np.arange(60) / rate)
+    assert "rounded to hundredths or tenths" in notes(clip)
+    # Where frames are missing, the times are those of the column, as far as it has them.
+    assert "rounded" not in notes(rounded(15))
+
+
 def test_the_first_frame_is_not_mistaken_for_the_line_of_axes() -> None:
     parts = TEXT.split("\n")
     (axes,) = [k for k, line in enumerate(parts) if line.split()[:1] == ["X1"]]

@@ -76,14 +76,15 @@ def test_the_markers_of_opensims_examples_and_of_opencap_are_known() -> None:
     assert [words[k] for k in found["shank_right"]] == ["r_sh1_study", "r_sh2_study", "r_sh3_study"]
 
 
-def test_a_missing_marker_leaves_a_gap_in_the_nodes_computed_from_it() -> None:
+@pytest.mark.parametrize("nothing", [0.0, 9999.0, -999.0])
+def test_a_missing_marker_leaves_a_gap_in_the_nodes_computed_from_it(nothing: float) -> None:
     shown = in_sight(walk(30, RATE))
     places = markers(shown)
     points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
     labels = list(places)
     points[4, labels.index("L.Knee.Med")] = np.nan
     points[5, labels.index("Top.Head")] = np.nan  # the last cells of its line
-    points[6, labels.index("R.Toe.Tip")] = 0.0
+    points[6, labels.index("R.Toe.Tip")] = nothing
     clip = read(text(labels, shown.times, points))
     missing = {
         (int(frame), clip.skeleton.names[joint])
