@@ -48,7 +48,8 @@ _BONES = {
         )
     },
 }  # fmt: skip
-_BONE, _MARKER = "bone", ("marker", "bone marker", "rigid body marker")
+# Of a marker that a take has as measured and as its skeleton's model has it, the measured one counts.
+_BONE, _MARKERS = "bone", ("marker", "rigid body marker", "bone marker")
 _MOST_HEADER_LINES = 12
 
 
@@ -159,27 +160,28 @@ def _columns(source: Source, start: int) -> tuple[int, dict[str, list[str]]]:
 
 def _places(rows: dict[str, list[str]], axes: list[str]) -> tuple[dict[str, list[int]], str]:
     """Name -> columns of its X, Y, Z, of a skeleton's bones if it has legs, else of markers; and which."""
-    found: dict[str, dict[str, list[int]]] = {_BONE: {}, _MARKER[0]: {}}
+    found: dict[str, dict[str, list[int]]] = {kind: {} for kind in (_BONE, *_MARKERS)}
     types, names, kinds = (rows.get(key, []) for key in ("type", "name", "property"))
     for column, axis in enumerate(axes[: min(len(types), len(names), len(kinds))]):
-        if kinds[column] != "Position" or axis not in ("X", "Y", "Z"):
+        kind, name = types[column].lower(), names[column]
+        if kinds[column] != "Position" or axis not in ("X", "Y", "Z") or kind not in found:
             continue
-        kind = types[column].lower()
-        group = _BONE if kind == _BONE else _MARKER[0] if kind in _MARKER else ""
-        if group:
-            name = names[column]
-            if group == _BONE:
-                # A skeleton's name stays before its bones': a take may have several skeletons.
-                skeleton, colon, bone = name.rpartition(":")
-                name = f"{skeleton}{colon}{_BONES.get(bone.lower(), bone)}"
-            found[group].setdefault(name, []).append(column)
+        if kind == _BONE:
+            # A skeleton's name stays before its bones': a take may have several skeletons.
+            skeleton, colon, bone = name.rpartition(":")
+            name = f"{skeleton}{colon}{_BONES.get(bone.lower(), bone)}"
+        found[kind].setdefault(name, []).append(column)
     whole = {
-        group: {name: columns for name, columns in places.items() if len(columns) == 3}
-        for group, places in found.items()
+        kind: {name: columns for name, columns in places.items() if len(columns) == 3}
+        for kind, places in found.items()
     }
     if set(REQUIRED) <= joints_by_name(tuple(whole[_BONE])).keys():
         return whole[_BONE], _BONE
-    return (whole[_MARKER[0]], _MARKER[0]) if whole[_MARKER[0]] else (whole[_BONE], _BONE)
+    markers: dict[str, list[int]] = {}
+    for kind in _MARKERS:
+        for name, columns in whole[kind].items():
+            markers.setdefault(name, columns)
+    return (markers, _MARKERS[0]) if markers else (whole[_BONE], _BONE)
 
 
 def _times(clock: Array, facts: dict[str, str]) -> tuple[Array, list[str]]:

@@ -52,6 +52,23 @@ def test_named_markers_without_a_skeleton() -> None:
     assert np.linalg.norm(knee, axis=-1).max() < 0.02
 
 
+def test_a_measured_marker_counts_and_not_where_the_skeletons_model_has_it() -> None:
+    places = {
+        f"Walker:{label}": place[:, [1, 2, 0]] * 1000.0
+        for label, place in plug_in_gait(SHOWN).items()
+        if label in MARKERS
+    }
+    measured = sample.text("Marker", places)
+    of_model = sample.text("Bone Marker", {label: place + 20.0 for label, place in places.items()})
+    head, *rows = measured.split("\n")
+    columns = [row.split(",")[2:] for row in of_model.split("\n")[1:]]
+    both = [",".join([row, *more]) if row else row for row, more in zip(rows, columns, strict=True)]
+    clip = read("\n".join([head, *both]))
+    assert np.array_equal(clip.positions, read(measured).positions)
+    alone = read(of_model)
+    assert np.abs(alone.positions - clip.positions).max() > 0.01
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
