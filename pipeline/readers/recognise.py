@@ -56,6 +56,7 @@ _MODULES: tuple[str, ...] = (
     "public_datasets.cad",
     "kinect.kinect2bvh_dump",
     "mocap.asf_amc",
+    "mocap.sto_markers",
     "mocap.mot",
     "mocap.deepmimic",
     "mocap.bvh",

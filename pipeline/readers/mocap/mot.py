@@ -29,6 +29,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap.storage import ends_header, rows_cut_off, storage_header
 
 FORMAT = Format(
     name="OpenSim .mot/.sto",
@@ -110,7 +111,7 @@ OPENSIM_JOINTS: tuple[_Joint, ...] = (
 def recognises(source: Source) -> bool:
     """True if a line is endheader, or the first line has the names of the legs' coordinates."""
     names = set(map(_coordinate, _cells(source.head[0])))
-    return any(_ends_header(line) for line in source.head) or names >= set(REQUIRED)
+    return any(ends_header(line) for line in source.head) or names >= set(REQUIRED)
 
 
 def read(source: Source) -> Clip:
@@ -121,10 +122,6 @@ def read(source: Source) -> Clip:
     table = _table(source)
     later, defects = increasing_times(table.times)
     defects = [*table.defects, *defects]
-    if table.declared > table.rows:
-        count = table.declared - table.rows
-        text = f"the header declares {table.declared} rows but the file has {table.rows}: it may be cut off"
-        defects.append(Defect("dropped_frames", count, "frames", "flagged", text))
     values = {name: column[later] for name, column in table.columns.items()}
     knee_sign, knee_rule = _knee_sign(values)
 
@@ -171,29 +168,18 @@ def read(source: Source) -> Clip:
 
 @dataclass(frozen=True)
 class _Table:
-    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: number of rows in the
-    header; rows, width: number of rows and columns in the file; defects: an angles' unit that is not the
-    declared one, rows left out."""
+    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; width: number of columns in the
+    file; defects: an angles' unit that is not the declared one, rows left out or cut off."""
 
     times: Array
     columns: Mapping[str, Array]
-    declared: int
-    rows: int
     width: int
     defects: list[Defect]
 
 
 def _table(source: Source) -> _Table:
-    end = next((k for k, line in enumerate(source.lines) if _ends_header(line)), -1)
-    header = {
-        key.strip().lower(): value.strip()
-        for key, _, value in (line.partition("=") for line in source.lines[: end + 1])
-    }
-    start = next((k for k in range(end + 1, len(source.lines)) if source.lines[k].strip()), None)
-    if start is None:
-        raise source.error(
-            expected="column names below endheader", found="none", advice="the file is cut off"
-        )
+    header = storage_header(source)
+    start = header.names_line
     labels = [_coordinate(label) for label in _cells(source.lines[start])]
     _check_labels(labels, source, start + 1)
     separator = _separator(source.lines[start])
@@ -203,7 +189,7 @@ def _table(source: Source) -> _Table:
     rows, left_out = _whole_rows(table, used, labels, source)
     columns = {labels[k]: table.values[rows, k] for k in used}
     angles = {name: columns[name] for name in angle_names}
-    in_degrees, defects = _in_degrees(header.get("indegrees", ""), angles)
+    in_degrees, defects = _in_degrees(header.values.get("indegrees", ""), angles)
     defects += left_out
     if in_degrees:
         columns |= {name: np.radians(columns[name]) for name in angle_names}
@@ -217,10 +203,8 @@ def _table(source: Source) -> _Table:
                 found=f"{values[row]:g}",
                 line=table.line(int(rows[row])),
             )
-    stated = header.get("nrows", "")
-    # A header with more rows than any recording has is itself damaged.
-    declared = int(stated) if stated.isascii() and stated.isdigit() and len(stated) < 9 else 0
-    return _Table(columns.pop("time"), columns, declared, len(table.values), len(labels), defects)
+    defects += rows_cut_off(header, len(table.values))
+    return _Table(columns.pop("time"), columns, len(labels), defects)
 
 
 def _whole_rows(
@@ -243,10 +227,6 @@ def _whole_rows(
     count = int((~whole).sum())
     text = f"{plural(count, 'row')} without a number in {labels[column]} or another coordinate, left out"
     return np.flatnonzero(whole), [Defect("dropped_frames", count, "frames", "flagged", text)]
-
-
-def _ends_header(line: str) -> bool:
-    return line.strip().lower() == "endheader"
 
 
 def _separator(names: str) -> str | None:
