@@ -4,38 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
+from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of, relative_to_body
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 
-# The T-pose lasts at most this many frames; both arm segments point sideways within this angle.
-MAX_FRAMES = 5
+# Both arm segments point sideways within this angle.
 ARM_TOLERANCE = np.radians(25.0)
 # The jump into the motion is this many times the usual step of the joints, and at least this long (metres,
 # relative to the body).
 MIN_JUMP_RATIO = 5.0
 MIN_JUMP = 0.10
+FEWEST_FRAMES = 8
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip without the calibration frames, Euler captures included."""
-    if len(clip.times) < MAX_FRAMES + 3:
+    held = _held_out(clip)
+    if not held[0] or len(clip.times) < FEWEST_FRAMES:
         return clip, []
     step = np.linalg.norm(relative_to_body(np.diff(clip.positions, axis=0)), axis=-1)
     step = np.where(np.isfinite(step), step, 0.0).mean(axis=1)
-    lead = int(np.argmax(step[:MAX_FRAMES])) + 1
-    if step[lead - 1] < max(MIN_JUMP, MIN_JUMP_RATIO * float(np.median(step[lead:]))):
+    leading = len(held) if held.all() else int(np.argmin(held))
+    lead = int(np.argmax(step[:leading])) + 1
+    motion = step[lead:]
+    if not len(motion) or step[lead - 1] < max(MIN_JUMP, MIN_JUMP_RATIO * float(np.median(motion))):
         return clip, []
-    points = nodes_of(clip)[:lead]
-    left = unit(between(points, "shoulder_right", "shoulder_left"))
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        for start, end in ((f"shoulder_{side}", f"elbow_{side}"), (f"elbow_{side}", f"wrist_{side}")):
-            held = sign * np.sum(unit(between(points, start, end)) * left, axis=-1)
-            if not np.all(held > np.cos(ARM_TOLERANCE)):
-                return clip, []
     frames = "frame 0 is a T-pose" if lead == 1 else f"frames 0 to {lead - 1} are a T-pose"
     text = f"{frames}, dropped: the joints then jump by {step[lead - 1]:.2f} m on average"
     rest = select_frames(clip, np.arange(len(clip.times)) >= lead)
     return rest, [Defect("calibration_frames", lead, "frames", "repaired", text)]
+
+
+def _held_out(clip: Clip) -> Mask:
+    """Frames (T,) in which both arms are held out to the sides."""
+    points = nodes_of(clip)
+    left = unit(between(points, "shoulder_right", "shoulder_left"))
+    out = np.ones(len(clip.times), dtype=np.bool_)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for start, end in ((f"shoulder_{side}", f"elbow_{side}"), (f"elbow_{side}", f"wrist_{side}")):
+            out &= sign * np.sum(unit(between(points, start, end)) * left, axis=-1) > np.cos(ARM_TOLERANCE)
+    return out

@@ -28,7 +28,7 @@ def t_pose(clip: Clip) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     return pose
 
 
-@pytest.mark.parametrize("frames", [1, 3])
+@pytest.mark.parametrize("frames", [1, 3, 40])
 def test_a_calibration_pose_is_dropped(moving: Moving, frames: int) -> None:
     clip = moving(90, noise=0.004)
     broken = replace(clip, positions=clip.positions.copy())
@@ -37,6 +37,13 @@ def test_a_calibration_pose_is_dropped(moving: Moving, frames: int) -> None:
     assert (found.rule, found.count, found.action) == ("calibration_frames", frames, "repaired")
     assert np.array_equal(repaired.positions, clip.positions[frames:])
     assert np.array_equal(repaired.times, clip.times[frames:])
+
+
+def test_somebody_who_begins_in_a_t_pose_and_lowers_the_arms_is_kept(moving: Moving) -> None:
+    clip = moving(90)
+    share = np.clip((np.arange(90) - 20) / 15.0, 0.0, 1.0)[:, None, None]
+    lowered = replace(clip, positions=(1.0 - share) * t_pose(clip) + share * clip.positions)
+    assert calibration_frames.repair(lowered) == (lowered, [])
 
 
 def test_arms_held_out_during_the_motion_are_no_calibration(moving: Moving) -> None:
