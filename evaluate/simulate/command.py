@@ -85,7 +85,8 @@ def simulate(
         page.close()
         for folder in recorded:
             echo(f"recorded: {replay_command(folder)}")
-        echo(f"{100.0 * clock.on_time:.2f} % of {clock.beats} beats of the clock on time")
+        if clock.beats:
+            echo(f"{100.0 * clock.on_time:.2f} % of {clock.beats} beats of the clock on time")
 
 
 def require_viser() -> None:

@@ -25,6 +25,7 @@ from kinemimic.evaluate.simulate.session.recording import Recorder, next_folder,
 from kinemimic.evaluate.simulate.session.session import Session
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.pipeline.parallel.interruption import deferred
 from kinemimic.pipeline.plural import plural
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -101,24 +102,36 @@ class Loop:
         seconds: float | None = None,
     ) -> None:
         """Run for a number of beats of the clock, None without end, for `seconds` of real time, or until
-        `tail` control steps after `ended`."""
+        `tail` control steps after `ended`.
+
+        Ctrl-C, SIGTERM or SIGHUP raises KeyboardInterrupt after the control step, a second one at once.
+        """
         beats, left = 0, None
         self._clock.restart()
         end = None if seconds is None else time.monotonic() + seconds
-        try:
-            while (steps is None or beats < steps) and (end is None or time.monotonic() < end) and left != 0:
-                self._clock.wait()
-                advanced = self.beat()
-                beats += 1
-                if left is not None:
-                    left -= advanced
-                elif ended is not None and ended():
-                    left = tail
-        finally:
+        # The recording of half a control step could not be replayed.
+        with deferred() as interruption:
             try:
-                self._end_recording()
+                while (
+                    (steps is None or beats < steps)
+                    and (end is None or time.monotonic() < end)
+                    and left != 0
+                    and not interruption.asked
+                ):
+                    self._clock.wait()
+                    advanced = self.beat()
+                    beats += 1
+                    if left is not None:
+                        left -= advanced
+                    elif ended is not None and ended():
+                        left = tail
             finally:
-                self.session.close()
+                try:
+                    self._end_recording()
+                finally:
+                    self.session.close()
+        if interruption.asked:
+            raise KeyboardInterrupt
 
     def beat(self) -> bool:
         """Take the inputs, and do a control step unless the session is paused; whether one was done."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import queue
 import shutil
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,7 @@ from kinemimic.evaluate.simulate.session.inputs import (
     Throw,
 )
 from kinemimic.evaluate.simulate.session.recording import SESSION, Recorder, Replay, begin_session
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.live.frame import CapturedFrame
@@ -189,18 +192,25 @@ def test_another_policy_performs_without_a_pause(loop: Loop, page: Page) -> None
     assert page.frames[-1].step == 6
 
 
-def test_ctrl_c_ends_the_recording(loop: Loop, page: Page, tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_recording_after_the_control_step(
+    loop: Loop, page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     page.waiting.put(ToggleRecording())
-
-    def interrupted() -> None:
-        raise KeyboardInterrupt
-
     loop.beat()
-    loop._clock.wait = interrupted  # type: ignore[method-assign]
+    seen_by = loop.session._frame
+
+    def interrupted(drag: Array | None) -> Frame:
+        if loop.session.step_count == 5:
+            os.kill(os.getpid(), signal.SIGINT)
+        return seen_by(drag)
+
+    monkeypatch.setattr(loop.session, "_frame", interrupted)
     with pytest.raises(KeyboardInterrupt):
         loop.run()
-    last = (tmp_path / "recordings" / "session-1" / SESSION).read_text().splitlines()[-1]
-    assert json.loads(last)["step"] == 1
+    folder = tmp_path / "recordings" / "session-1"
+    last = (folder / SESSION).read_text().splitlines()[-1]
+    assert json.loads(last)["step"] == 5
+    assert len(list(Replay(folder, named=find_scenario))) == 5
 
 
 def test_a_recording_that_cannot_be_written_ends_and_the_page_goes_on(
