@@ -102,8 +102,8 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> RenderableType:
             str(one["controls_fallen"]),
             percent(one["reward_drop"]["median"]),
             f"{one['recovered']}/{round(one['affected'] * one['trials'])}",
-            number(one["recovery_s"]["median"], 1),
-            number(one["fall_s"]["median"], 1),
+            number(one["typical_recovery_s"], 1),
+            number(one["typical_fall_s"], 1),
         )
     return rows
 
@@ -175,5 +175,5 @@ def command(
             "\nDrop and times: medians over the affected trials, whose reward differs from that of an "
             "undisturbed control run without a fall. Drop: largest loss of reward. Recovered: trials that "
             f"end no more than {100 * RECOVERED:.0f} % of the largest reward below the control. Times count "
-            "from the first difference.",
+            "from the first difference; a dash where fewer than half recover or fall.",
         )

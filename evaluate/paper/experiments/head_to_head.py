@@ -10,7 +10,7 @@ from statistics import median
 from typing import Any
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
-from kinemimic.evaluate.paper.experiments.lead import lead, loss
+from kinemimic.evaluate.paper.experiments.lead import lead, loss, survival_interval
 from kinemimic.evaluate.robustness.scenario_trials import Trials, run_all_trials, summarize, trial_tasks
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.train.scenario.scenario import Scenario
@@ -61,7 +61,7 @@ def head_to_head(
 
     A row has the policies' name, the samples of a training run, the median number after which the policy was
     saved, the metrics of all trials, the number of seeds and of those whose undisturbed control runs mostly
-    fall, and `loss` and `lead` (`lead.py`).
+    fall, `loss` and `lead`, and the interval of survival over the seeds (`lead.py`).
     """
     by_name = {policies[0].name: found for policies, found in entries}
     rows = []
@@ -77,6 +77,7 @@ def head_to_head(
                 "kept": int(median(one.kept for one in policies)),
                 "scenario": where,
                 **summarize(Trials.joined(theirs)),
+                "survived_ci95": survival_interval(theirs),
                 "seeds": len(theirs),
                 "seeds_fallen": sum(bool(one.control_fell.mean() > 0.5) for one in theirs),
                 "loss": loss(theirs),

@@ -1,4 +1,5 @@
-"""The drop in reward that a disturbance causes, and the lead of one policy over another in paired trials.
+"""Survival, the drop in reward that a disturbance causes, and the lead of one policy over another in paired
+trials.
 
 Trial k has the same start and disturbance for every policy, so trials are compared in pairs: those in which
 neither control run falls and, for times, which start at the first effect, those that affect both humanoids.
@@ -16,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
-from kinemimic.evaluate.robustness.scenario_trials import Trials, event_times, finite, median_time
+from kinemimic.evaluate.robustness.scenario_trials import (
+    Trials,
+    event_times,
+    finite,
+    median_time,
+    summarize,
+)
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -35,6 +42,21 @@ def loss(trials: Sequence[Trials]) -> dict[str, Any]:
     gaps = (of.control - of.rewards)[stands]
     result = _estimate(lambda chosen: _largest(gaps[chosen]), seeds[stands], basic=True)
     return {"share": result.pop("ahead"), **result}
+
+
+def survival_interval(trials: Sequence[Trials]) -> list[float]:
+    """Interval of the share of trials without a fall, over the seeds and the trials of each.
+
+    The wider of Wilson's over all trials, which takes them for independent, and of the bootstrap's, which has
+    no width where all survive or all fall.
+    """
+    of, seeds = _joined(trials)
+    upright = of.fallen_at == of.rewards.shape[1]
+    low, high = summarize(of)["survived_ci95"]
+    found = _estimate(lambda chosen: float(upright[chosen].mean()), seeds)
+    if found["low"] is None:
+        return [low, high]
+    return [min(low, found["low"]), max(high, found["high"])]
 
 
 def lead(ours: Sequence[Trials], theirs: Sequence[Trials]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.paper.experiments.lead import lead, loss
+from kinemimic.evaluate.paper.experiments.lead import lead, loss, survival_interval
 from kinemimic.evaluate.robustness.scenario_trials import Trials
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -73,6 +73,18 @@ def test_there_is_no_lead_without_a_pair() -> None:
     assert told["recovery_s"]["ahead"] is None
     told = lead([trials(DIPS)], [trials(DIPS, twins=(0,))])
     assert told["loss"] == {"ahead": None, "low": None, "high": None, "trials": 0}
+
+
+def test_the_interval_of_survival_is_wider_where_seeds_differ() -> None:
+    none = trials(*(DIPS,) * 10)
+    all_fall = trials(*(FALLS,) * 10, fallen_at=dict.fromkeys(range(10), 4))
+    half = trials(*(FALLS,) * 10, fallen_at=dict.fromkeys(range(0, 10, 2), 4))
+    low, high = survival_interval([half, half])
+    assert 0.2 < low < 0.35 < 0.65 < high < 0.8
+    # A third seed could be either: nothing is known.
+    assert survival_interval([none, all_fall]) == [0.0, 1.0]
+    # Wilson's of 20 of 20, from its formula: 1 / (1 + z² / n).
+    assert survival_interval([none, none]) == pytest.approx([1.0 / (1.0 + 1.959964**2 / 20.0), 1.0], abs=1e-5)
 
 
 def test_all_seeds_count_and_one_that_differs_widens_the_interval() -> None:
