@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.kinematics.euler_curves import principal_angles
 from kinemimic.pipeline.kinematics.rotations import ORDERS, Y_UP_TO_Z_UP, conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.writers.poses import Poses
@@ -84,11 +82,7 @@ def file_angles(rotations: Array, order: str) -> Array:
     if order not in BVH_ORDERS:
         raise ValueError(f"not an Euler order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
     q = multiply(multiply(conjugate(Y_UP_TO_Z_UP), rotations), Y_UP_TO_Z_UP)
-    with warnings.catch_warnings():
-        # At exact gimbal lock scipy picks one of the equivalent triples and warns; the rotation is right.
-        warnings.simplefilter("ignore", UserWarning)
-        angles = Rotation.from_quat(q.reshape(-1, 4)).as_euler(cast(Any, order))
-    return np.asarray(angles).reshape(*q.shape[:-1], 3)
+    return principal_angles(q, order)
 
 
 def hierarchy_sequence(skeleton: Skeleton) -> list[int]:

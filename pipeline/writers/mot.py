@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.kinematics.angles import anatomical_knee, steady_leg
+from kinemimic.pipeline.kinematics.euler_curves import euler_curves
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers.mocap.mot import OPENSIM_JOINTS, WORLD_FROM_FILE
@@ -68,9 +68,8 @@ def coordinates(poses: Poses, *, measured: bool = True) -> dict[str, Array]:
     pelvis = rotate(file_from_world, hips) - rotate(rotations[:, 0], _HIPS_MIDDLE)
 
     def ball(node: str, *names: str, mirror: float = 1.0) -> dict[str, Array]:
-        angles = Rotation.from_quat(rotations[:, NODE_INDEX[node]]).as_euler("ZXY").T
-        # Unwrapped, for users that differentiate them.
-        flexion, second, third = np.degrees(np.unwrap(angles))
+        # Without jumps, for users that differentiate them.
+        flexion, second, third = np.degrees(euler_curves(rotations[:, NODE_INDEX[node]], "ZXY")).T
         return dict(zip(names, (flexion, mirror * second, mirror * third), strict=True))
 
     def hinge(node: str) -> Array:
