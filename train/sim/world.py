@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, Protocol, get_args
 
 import numpy as np
@@ -51,6 +51,13 @@ class BodyStates:
     def joints(self) -> Array:
         """Rotations (E, 14, 4) of the joints, child to parent."""
         return multiply(conjugate(self.rotations[:, JOINT_PARENTS]), self.rotations[:, 1:])
+
+    def with_rows(self, rows: NDArray[np.intp], other: BodyStates) -> BodyStates:
+        """A copy in which these humanoids (N,) are those of `other`."""
+        copies = {field.name: np.array(getattr(self, field.name)) for field in fields(self)}
+        for name, values in copies.items():
+            values[rows] = getattr(other, name)[rows]
+        return BodyStates(**copies)
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,12 @@ class ImitationBatch:
         self.world.reset(indices, poses)
         self.bodies = self.world.states()
         self.timer.lap(SIMULATION)
-        self._update_target(self.reference.bodies(self.phases))
+        target = self.reference.bodies(self.phases)
+        if self.config.hurry:
+            # The others stay compared with the pose that their last step aimed at.
+            others = np.setdiff1d(np.arange(self.world.size), indices)
+            target = target.with_rows(others, self.target)
+        self._update_target(target)
 
     def scheduled_obstacles(self, index: int) -> list[Obstacle] | None:
         """The obstacles of the scenario that an environment has now, None without a scenario."""

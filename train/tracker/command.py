@@ -69,9 +69,9 @@ def train_tracker(
     call resumes from the checkpoint, with the same result as one call. The policy that is kept is the best of
     the evaluations on EVALUATED motions of the split "train": no motion of the split "test" chooses it.
     preset: of TRACKER_PRESETS; `standing` trains on the motions without strides alone. config: settings in
-    place of the preset's; start: name or folder of a tracker to start from, whose
-    samples count towards the budget and the schedules; budget, minutes, seed, workers, engine, ray: as
-    for `train`; device: "cuda" updates the networks on a GPU, whose rounding differs from the CPU's.
+    place of the preset's; start: name or folder of a tracker to start from, whose samples count towards the
+    budget, which must be larger, and the schedules; budget, minutes, seed, workers, engine, ray: as for
+    `train`; device: "cuda" updates the networks on a GPU, whose rounding differs from the CPU's.
     KinemimicError without a motion to train on or without that GPU, and for a checkpoint of another library
     or other settings.
     """
@@ -92,6 +92,11 @@ def _from(start: str, config: TrainConfig) -> tuple[_Beginning, TrainConfig]:
     path = tracker_path(start)
     policy, record = load_tracker(path)
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
+    if settings.env.observed_obstacles:
+        raise KinemimicError(
+            f"{path}: expected a tracker without obstacles in its observation, found one with "
+            f"{settings.env.observed_obstacles}; choose another --from"
+        )
     if (settings.env.preview, settings.hidden) != (config.env.preview, config.hidden):
         raise KinemimicError(
             f"{path}: expected a tracker with layers of {config.hidden} and a preview of "
@@ -99,6 +104,11 @@ def _from(start: str, config: TrainConfig) -> tuple[_Beginning, TrainConfig]:
             "choose another --from"
         )
     begin = _Beginning(policy, record["samples"])
+    if begin.samples >= config.budget:
+        raise KinemimicError(
+            f"{path}: expected a --budget above its {begin.samples:,} samples, which count towards it, found "
+            f"{config.budget:,}"
+        )
     return begin, replace(config, start=file_hash(path), actor_rate=START_RATE)
 
 

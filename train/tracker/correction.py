@@ -109,6 +109,11 @@ class _Correction:
             )
         policy, record = load_tracker(path)
         self._config = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
+        if observed := self._config.env.observed_obstacles:
+            raise KinemimicError(
+                f"{path}: expected a tracker without obstacles in its observation, found one with "
+                f"{observed}; choose another --from"
+            )
         self._inputs = {"library": identity, "policy": file_hash(path)}
         self._state = self._resumed(path) or _State(policy, record)
         self._tables = reference_tables(library, trained, out, identity)
@@ -167,7 +172,7 @@ class _Correction:
         """The tracker that has learned the corrections."""
         tables = np.zeros((len(self._weights), *found.tables.shape[1:]))
         tables[self._motions] = found.tables
-        seed = self._seed * 1_000 + state.rounds
+        seed = (self._seed * 1_000 + state.rounds) % 2**63
         with progress("lessons", LESSONS * ENVIRONMENTS, unit="samples") as bar:
             observations, actions = collect_lessons(
                 self._tables, tables, self._weights, state.policy, self._config.env, self._engine, LESSONS,

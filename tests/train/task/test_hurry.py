@@ -90,3 +90,21 @@ def test_a_step_is_compared_with_the_pose_that_it_aimed_at(
         hurried += int(batch.phases[0] > before[0] + 1.1 * step)
     batch.world.close()
     assert hurried
+
+
+def test_a_reset_of_another_changes_nothing_for_one_that_hurries(motion: Motion, engine: str) -> None:
+    batch = ImitationBatch(open_world(2, engine), Reference(motion), EnvConfig(hurry=True))
+    batch.reset(np.arange(2), np.array([0.2, 0.2]))
+    wrenches = np.zeros((2, 15, 6))
+    wrenches[0, 0, 0] = 600.0
+    hurried = 0
+    for _ in range(8):
+        before = batch.phases[0]
+        batch.step(np.zeros((2, ACTIONS)), wrenches)
+        observed, wanted = batch.observe()[0], batch.target
+        hurried += int(batch.phases[0] > before + 1.1 / (30.0 * motion.duration))
+        batch.reset(np.array([1]), np.array([0.7]))
+        np.testing.assert_array_equal(batch.observe()[0], observed)
+        np.testing.assert_array_equal(batch.target.positions[0], wanted.positions[0])
+    batch.world.close()
+    assert hurried

@@ -266,6 +266,21 @@ def test_the_largest_error_of_an_episode_narrows(
         assert sampler.batch.step(np.zeros((3, 42))).terminated.tolist() == [ends] * 3
 
 
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("tracker", r"expected a --budget above its 96,\d{3},\d{3} samples, .* found 60,000,000"),
+        ("obstacle_walk", "expected a tracker without obstacles in its observation, found one with"),
+    ],
+)
+def test_a_start_that_leaves_nothing_to_train_or_observes_more_is_refused(
+    library: Path, tmp_path: Path, start: str, message: str
+) -> None:
+    with pytest.raises(KinemimicError, match=message):
+        train_tracker(library, tmp_path / "out", start=start)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, quick: None) -> None:
     first = train_tracker(
         library, tmp_path / "first", config=CONFIG, budget=ROUND, workers=1, engine="pybullet"
