@@ -27,18 +27,19 @@ from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.recovery.joining import join
 from kinemimic.train.recovery.learning import learn_recoveries
+from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import CHECKPOINT, CURVES, TrainingState
 from kinemimic.train.runner.closing_words import closing_words
 from kinemimic.train.runner.device import device_named
 from kinemimic.train.runner.policy_file import Imitated, PolicyFile
-from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
+from kinemimic.train.runner.training_loop import TrainingLoop, is_complete, is_late
 from kinemimic.train.sampling.simulators import Simulators, local_cores, simulators
 from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import find_scenario
-from kinemimic.train.settings import Settings, settings_for
+from kinemimic.train.settings import LEAST, Settings, settings_for
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
 from kinemimic.train.task.timer import Timer, table
@@ -76,7 +77,8 @@ def train(
     A checkpoint of another motion or other settings is kept as checkpoint.previous.safetensors.
     If the gate (retarget/gate.py) refuses the motion, it is not trained on, unless `anyway` is set.
 
-    minutes: training time of all calls together, after which training ends even if the budget is not used up.
+    minutes: training time of all calls together, after which training ends even if the budget is not used up,
+    without recoveries or joining.
     workers: simulation processes, by default one per core; for a baseline, threads. They are spawned: call
     this function under `if __name__ == "__main__":` in your own script. engine: see `sim/engines.py`.
     Training may resume with another engine or number of workers, but is bit for bit the same only with the
@@ -93,6 +95,11 @@ def train(
     """
     if config is not None and start is not None:
         raise KinemimicError("train: expected config or start, found both; start has settings of its own")
+    if start is not None and tracker_path(start).resolve().parent == run.resolve():
+        raise KinemimicError(
+            f"--from {start}: expected a policy outside of {run}, which training replaces it in; train into "
+            "another run folder"
+        )
     timer = Timer()
     with reading(run, "train"), simulators(ray, workers) as where:
         motion = read_motion_json(run / "motion.json")
@@ -170,6 +177,8 @@ def _train(
             loop.run(run / CURVES)
     best, taught = training.best, None
     assert best is not None  # noqa: S101 (a training that is complete has an evaluation)
+    if algorithm.progress.samples < LEAST or is_late(training, seconds):
+        return policy.write(finished=True)
     if config.recovery is not None:
         taught = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
     elif config.joining is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -23,7 +24,7 @@ from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.recovery import Recovery
-from kinemimic.train.recovery.learning import SEARCHES
+from kinemimic.train.recovery.learning import SEARCHES, Taught
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.task.timer import Timer
@@ -209,9 +210,12 @@ def test_a_training_starts_from_a_tracker(run: Path, tracker: Path, motion: Moti
 
 def test_what_is_no_tracker_is_no_start(run: Path, tracker: Path) -> None:
     stage.train(run, budget=ROUND, workers=1)
+    other = run.with_name("other")
+    shutil.copytree(run, other)
     for start, found in (
         ("nobody", "found 'nobody'"),
-        (str(run), "expected a tracker, which performs any motion .*, found a policy of one motion"),
+        (str(other), "expected a tracker, which performs any motion .*, found a policy of one motion"),
+        (str(run), "expected a policy outside of .*; train into another run folder"),
     ):
         with pytest.raises(KinemimicError, match=found):
             stage.train(run, start=start, budget=ROUND, workers=1)
@@ -232,6 +236,7 @@ def test_a_robust_training_starts_from_a_tracker(run: Path, tracker: Path) -> No
 
 def test_recoveries_are_learned_after_the_last_round(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "LEAST", ROUND)
+    monkeypatch.setattr(stage, "LEAST", ROUND)
     quick = Recovery(
         phases=4, directions=(180.0,), forces=(50.0,), candidates=2, elite=1, iterations=1, rounds=1,
         humanoids=6, taught=0.0,
@@ -246,3 +251,23 @@ def test_recoveries_are_learned_after_the_last_round(run: Path, monkeypatch: pyt
     before = file_hash(run / "policy.safetensors")
     assert stage.train(run, config=config, workers=1)["recovery"] == record["recovery"]
     assert file_hash(run / "policy.safetensors") == before
+    # When the training goes on, the policy that was taught is kept until it has ended.
+    monkeypatch.setattr(stage, "learn_recoveries", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        stage.train(run, config=replace(config, budget=2 * ROUND), workers=1)
+    assert file_hash(run / "policy.previous.safetensors") == before
+    assert "recovery" not in read_json(run / "policy.json")
+
+
+def interrupted(*_: object, **__: object) -> Taught:
+    raise KeyboardInterrupt
+
+
+def test_no_recoveries_are_learned_when_the_time_is_up(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "LEAST", ROUND)
+    monkeypatch.setattr(stage, "LEAST", ROUND)
+    monkeypatch.setattr(stage, "learn_recoveries", interrupted)
+    config = replace(SMALL, budget=3 * ROUND, recovery=Recovery())
+    record = stage.train(run, config=config, workers=1, minutes=1e-6)
+    assert record["samples"] == ROUND
+    assert record["finished"] and "recovery" not in record

@@ -48,8 +48,9 @@ class Imitated:
 class PolicyFile:
     """The policy of a training run in its run folder.
 
-    resumed: False if training has just begun; the policy of a finished training run in the folder is then
-    kept as policy.previous.safetensors and .json.
+    resumed: False if training has just begun. The policy of a finished training run in the folder is then
+    kept as policy.previous.safetensors and .json; so is one that was taught after its training, which the
+    checkpoint does not have.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class PolicyFile:
     ) -> None:
         self._run, self._path = run, run / POLICY
         self._training, self._imitated, self._engine = training, imitated, engine
-        self._foreign = not resumed
+        self._keeps = not resumed or self._is_taught()
 
     def write(self, *, finished: bool, taught: Taught | None = None) -> dict[str, Any]:
         """Write the best policy so far and its record, which is returned.
@@ -70,14 +71,21 @@ class PolicyFile:
         if taught is not None:
             policy, record[taught.stage] = taught.policy, taught.record
         assert policy is not None  # noqa: S101 (there is an evaluation, and so a best one)
-        if self._foreign and self._finished():
+        if self._keeps and self._finished():
             for suffix in (".json", ".safetensors"):
                 if (own := self._path.with_suffix(suffix)).exists():
                     copy_file(own, self._run / Path(PREVIOUS_POLICY).with_suffix(suffix))
-        self._foreign = False
+        self._keeps = False
         with stage(self._run, "train", unfinished=not finished) as out:
             policy.save(out / POLICY, record)
         return record
+
+    def _is_taught(self) -> bool:
+        """Whether the folder has a policy that was taught after its training."""
+        try:
+            return not {"recovery", "joining"}.isdisjoint(read_json(self._path.with_suffix(".json")))
+        except (KinemimicError, OSError, TypeError):
+            return False
 
     def _finished(self) -> bool:
         """Whether the folder has the policy of a finished training; one that cannot be read might be."""

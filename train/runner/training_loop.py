@@ -31,7 +31,7 @@ def is_over(training: TrainingState, seconds: float | None) -> bool:
     """Whether the rounds have ended: a corrected policy fits, the time is up, or the samples are spent (the
     budget if an evaluation walks, else the largest budget). A correction may follow."""
     config, samples = training.algorithm.config, training.algorithm.progress.samples + training.reserved
-    if _is_late(training, seconds) or _fits(training) or samples >= config.largest_budget:
+    if is_late(training, seconds) or _fits(training) or samples >= config.largest_budget:
         return True
     return samples >= config.budget and any(evaluation.walks for evaluation in training.evaluations)
 
@@ -46,7 +46,7 @@ def is_complete(training: TrainingState, seconds: float | None) -> bool:
 def awaits_correction(training: TrainingState, seconds: float | None) -> bool:
     """Whether a correction is next: before the first round, between rounds, or after the last evaluation."""
     state = training.algorithm.progress
-    if training.algorithm.config.learning_control is None or _is_late(training, seconds) or _fits(training):
+    if training.algorithm.config.learning_control is None or is_late(training, seconds) or _fits(training):
         return False
     if not _is_judged(training) or state.samples == state.corrected_at:
         return False
@@ -63,7 +63,8 @@ def _interval_is_over(training: TrainingState) -> bool:
     return 0 < settings.interval <= state.samples - state.corrected_at
 
 
-def _is_late(training: TrainingState, seconds: float | None) -> bool:
+def is_late(training: TrainingState, seconds: float | None) -> bool:
+    """Whether the time is up."""
     return seconds is not None and sum(training.algorithm.progress.seconds_by.values()) >= seconds
 
 

@@ -81,15 +81,21 @@ def train_tracker(
         config = replace(config, budget=budget)
     begin = None
     if start is not None:
-        begin, config = _from(start, config)
+        begin, config = _from(start, config, out)
     with locked(out), simulators(ray, workers) as where:
         count = where.count(workers, config.num_envs)
         return _train(source, out, config, begin, where, count, resolve(engine), updated_on, minutes)
 
 
-def _from(start: str, config: TrainConfig) -> tuple[_Beginning, TrainConfig]:
-    """The tracker to start from, and the settings to go on with; KinemimicError if its network is another."""
+def _from(start: str, config: TrainConfig, out: Path) -> tuple[_Beginning, TrainConfig]:
+    """The tracker to start from, and the settings to go on with; KinemimicError if its network is another, if
+    it leaves nothing to train, or if it is the one in `out`."""
     path = tracker_path(start)
+    if path.resolve().parent == out.resolve():
+        raise KinemimicError(
+            f"--from {start}: expected a tracker outside of {out}, which training replaces it in; choose "
+            "another --out"
+        )
     policy, record = load_tracker(path)
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
     if settings.env.observed_obstacles:
