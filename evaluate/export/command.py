@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.table import Table
@@ -85,11 +86,12 @@ def _make(out: Path) -> None:
         ) from None
 
 
-def _check_options(
-    what: tuple[str, ...], formats: tuple[str, ...], number: int | None, source: Path | None, recover: bool
-) -> None:
+def _check_options(options: Mapping[str, Any]) -> None:
     """UsageError for options that exclude each other."""
-    if recover and source is None:
+    what, formats, number, source = (options[key] for key in ("what", "formats", "number", "source"))
+    if source is not None and (options["run"] is not None or options["policy"] is not None):
+        raise click.UsageError("--from is a motion by itself: leave out --run and --policy")
+    if options["recover"] and source is None:
         raise click.UsageError("--recover needs --from with the damaged file")
     if what and (named := [form for form in formats if form in NO_MOTION]):
         raise click.UsageError(f"{' and '.join(named)}: not a motion; leave out --what")
@@ -102,6 +104,11 @@ def _check_options(
     if what and BOTH in what and not {*PAIR_WRITERS, "all"} & set(formats):
         raise click.UsageError(
             f"--what {BOTH} is written as {' and '.join(PAIR_WRITERS)}: choose one with --format"
+        )
+    alone = [form for form in formats if form not in (*PAIR_WRITERS, "all")]
+    if set(what) == {BOTH} and alone:
+        raise click.UsageError(
+            f"--what {BOTH} is written as {' and '.join(PAIR_WRITERS)}: leave out {', '.join(alone)}"
         )
     if number is not None and what and "capture" not in what:
         raise click.UsageError("--pass selects a pass of the capture: add --what capture")
@@ -123,7 +130,7 @@ def _table(written: Sequence[ExportedFile], top: Path) -> Table:
 
 
 @click.command("export")
-@run_options(optional=True)
+@run_options(check=_check_options, optional=True)
 @click.option(
     "--what",
     multiple=True,
@@ -181,7 +188,6 @@ def command(
       kinemimic export --run runs/walk
       kinemimic export --run runs/walk --what simulated --format bvh
     """
-    _check_options(what, formats, number, source, recover)
     if source is not None:
         chosen = FORMATS if "all" in formats else formats
         sources = {"recovered" if recover else "motion": source_of_mcap(source, recover=recover)}

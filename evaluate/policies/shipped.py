@@ -215,7 +215,7 @@ def run_options(
     """--run, --policy and --capture for a command whose function takes only the run folder, as `run`.
 
     With --policy, the folder (by default runs/policy-NAME) is prepared first, and passed to `then`, which may
-    take long; `check` gets the command's other options before.
+    take long; `check` gets the command's options before, among them `run` and `policy`.
     optional: the command also works without a folder, and gets None if none is chosen.
     A `ShippedPolicies` as the context's object replaces the default.
     """
@@ -226,7 +226,7 @@ def run_options(
             if policy is None and capture is not None:
                 raise click.UsageError("--capture is the recording of a policy: add --policy")
             if check is not None:
-                check(options)
+                check({"run": run, "policy": policy, **options})
             folder = run or (Path(f"runs/policy-{policy}") if policy else None if optional else only_run())
             if policy is not None and folder is not None:
                 shipped_policies().prepare(policy, folder, capture=capture)

@@ -142,6 +142,12 @@ def read_any(path: Path) -> Canonical:
 _NAMES = (*STAGES.values(), "raw.parquet", "clip.parquet", "quaternions.parquet")
 
 
+def _is_beside(part: str) -> bool:
+    """Whether a folder of a run holds earlier results, recordings, exports or unfinished work, which are not
+    its motion."""
+    return part in ("outdated", "simulate", "export") or part.startswith((".", "session-"))
+
+
 def file_pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | None]]:
     """Name -> (file before, file after) of two files or two folders; None if a folder lacks the file."""
     for path in (before, after):
@@ -152,7 +158,12 @@ def file_pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Pat
     if before.is_file() or after.is_file():
         raise KinemimicError(f"expected two files or two folders, found one of each: {before}, {after}")
     there = [
-        {str(path.relative_to(root)): path for name in _NAMES for path in sorted(root.rglob(name))}
+        {
+            str(path.relative_to(root)): path
+            for name in _NAMES
+            for path in sorted(root.rglob(name))
+            if not any(map(_is_beside, path.relative_to(root).parts))
+        }
         for root in (before, after)
     ]
     if not any(there):
@@ -181,10 +192,20 @@ def _amount(change: Change) -> str:
 
 def _file_changes(before: Path, after: Path) -> dict[str, list[Change] | str]:
     found: dict[str, list[Change] | str] = {}
-    for name, (one, other) in file_pairs(before, after).items():
+    pairs = file_pairs(before, after)
+    for name, (one, other) in pairs.items():
         if one is None or other is None:
             found[name] = "added" if one is None else "removed"
-        elif differing := find_changes(read_any(one), read_any(other)):
+            continue
+        read = read_any(one), read_any(other)
+        try:
+            differing = find_changes(*read)
+        except KinemimicError as error:
+            if len(pairs) == 1:
+                raise
+            found[name] = str(error)
+            continue
+        if differing:
             found[name] = differing
     return found
 

@@ -165,6 +165,27 @@ def test_the_command_compares_folders(tmp_path: Path) -> None:
     }
 
 
+def test_earlier_results_in_a_run_do_not_count_and_files_that_do_not_match_are_told_with_the_others(
+    tmp_path: Path,
+) -> None:
+    before, after = tmp_path / "before", tmp_path / "after"
+    for folder in (before, after):
+        write_clip(folder / "run" / "clip.parquet", clip())
+    for besides in ("outdated/1", "simulate/session-1", "session-2", "export/python", ".staging-ingest"):
+        write_clip(after / "run" / besides / "clip.parquet", clip())
+    runner = CliRunner()
+    assert runner.invoke(command, [str(before), str(after)]).stdout == "no difference\n"
+    Canonical.of_clip(clip()).write(before / "clip.json")
+    replace(Canonical.of_clip(clip()), joints=("hip", "knee", "toe")).write(after / "clip.json")
+    write_clip(after / "second" / "clip.parquet", clip())
+    ended = runner.invoke(command, [str(before), str(after), "--json"])
+    assert ended.exit_code == 1
+    assert json.loads(ended.stdout) == {
+        "clip.json": "expected the same joints, found 3 and 3: ankle, toe",
+        "second/clip.parquet": "added",
+    }
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [(None, "found none"), ("folder", "one of each"), ("other", "found format 'x'"), ("list", "format None")],
