@@ -13,6 +13,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.sidecars import note_path, read_note
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -231,11 +232,15 @@ def fall_of(trajectory: Trajectory) -> str:
 
 
 def source_of_mcap(path: Path, *, recover: bool) -> MotionSource:
-    """The motion in an MCAP file of kinemimic; recover: its intact part."""
+    """The motion in an MCAP file of kinemimic, simulated if its sidecar file says so; recover: its intact
+    part."""
     if recover:
         found = recover_mcap(path)
         motion = found.motion
         remark = "the file is complete" if found.fault is None else f"found {found.fault}"
     else:
         motion, remark = read_mcap(path), ""
+    if read_note(note_path(path)).get("simulated"):
+        # A rollout follows a motion that need not be simulated.
+        motion = replace(motion, provenance={**motion.provenance, "simulated": True})
     return _of_motion(motion, remark, {"mcap": file_hash(path)})

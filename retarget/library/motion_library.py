@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -100,7 +101,7 @@ class MotionLibrary:
         """Indices of the motions of a split."""
         return np.flatnonzero([entry.split == split for entry in self.entries])
 
-    @property
+    @cached_property
     def starts(self) -> NDArray[np.intp]:
         """(M,) the first frame of each motion."""
         return np.cumsum([0, *(entry.frames for entry in self.entries[:-1])])

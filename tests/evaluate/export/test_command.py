@@ -19,7 +19,8 @@ from kinemimic.evaluate.export.files import WRITERS, export
 from kinemimic.evaluate.export.motion_source import SOURCES, sources_of_run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.sidecars import note_path
+from kinemimic.pipeline.files.sidecars import note_path, write_note
+from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.retarget.formats.read_mcap import read_mcap
@@ -106,6 +107,18 @@ def test_what_selects_motions_alone(run: Path, tmp_path: Path, what: str) -> Non
     assert {record["what"] for record in json.loads(result.stdout)} == {what}
     with pytest.raises(KinemimicError, match="expected formats of a motion, found urdf"):
         export_run(run, what=[what], formats=["bvh", "urdf"], out=tmp_path)
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_simulated_motion_that_is_exported_again_stays_simulated(tmp_path: Path, simulated: bool) -> None:
+    """A rollout that follows a real recording: only its sidecar file says that it is simulated."""
+    source, walk = tmp_path / "walk.mcap", rigid_walk(60, 60.0)
+    write_mcap(source, Motion(60.0, walk.root, walk.rotations, np.ones((60, 2), dtype=bool), cyclic=False))
+    write_note(note_path(source), {"simulated": simulated})
+    arguments = ["--from", str(source), "--format", "bvh", "--out", str(tmp_path / "out")]
+    CliRunner().invoke(command, arguments, catch_exceptions=False)
+    (note,) = (tmp_path / "out").glob("*.provenance.json")
+    assert read_json(note)["simulated"] is simulated
 
 
 def test_only_requested_formats_are_written(run: Path, tmp_path: Path) -> None:
