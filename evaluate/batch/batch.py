@@ -22,6 +22,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import write_json, write_text
 from kinemimic.pipeline.parallel.executor import Executor, LocalProcesses
 from kinemimic.pipeline.plural import plural
+from kinemimic.retarget.dataset.split import subject_pattern
 
 BATCH_SCHEMA = 1
 TIMEOUT = 300.0
@@ -57,6 +58,7 @@ def batch(
     the captures that are finished; called again, it resumes with the others. KinemimicError for a source
     that does not exist.
     """
+    subject_pattern(subject)  # an invalid one is refused before the captures are processed
     given = for_tracker(options or {}) if to == "performed" else options or {}
     config = {stage: dict(chosen) for stage, chosen in given.items() if chosen}
     folders = run_folders(paths_of(sources), out)

@@ -36,7 +36,8 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": 
               help="Last result: quaternions, the motion, or the scores of the tracker on it.")  # fmt: skip
 @click.option("--subject", metavar="REGEX",
               help="Matches the subject at the start of a file's name; the subject is the first group, or "
-                   "the whole match. Default: up to the first underscore.")  # fmt: skip
+                   "the whole match. Default: that of the last call, at first up to the first "
+                   "underscore.")  # fmt: skip
 @jobs_option("Captures processed in parallel.")
 @click.option("--timeout", type=FiniteRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
               help="Seconds allowed for one capture.")  # fmt: skip

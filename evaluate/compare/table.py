@@ -171,13 +171,14 @@ def _fit(rows: Sequence[Row]) -> RenderableType:
 
 def _cost(rows: Sequence[Row]) -> RenderableType:
     """Return, and the samples and seconds that it took."""
-    table = grid("", "return %", "converged", "first walk", "after s", "of seeds", "training s")
+    table = grid("", "return %", "converged", "of seeds", "first walk", "after s", "of seeds", "training s")
     for row in rows:
         of = row["metrics"]
         table.add_row(
             row["variant"],
             _at(of, "return", 1, scale=100),
             _whole(of["converged_samples"]["median"]),
+            f"{of['converged_samples']['n']}/{row['seeds']}",
             _whole(of["first_walk_samples"]["median"]),
             _at(of, "first_walk_seconds", 0),
             f"{of['first_walk_samples']['n']}/{row['seeds']}",

@@ -29,7 +29,7 @@ def render_tiles(
     wanted = list(frames)
     films = [
         render_frames(
-            replace(scene, note=name),
+            replace(scene, note=f"{name}, {scene.note}" if scene.note else name),
             [min(frame, len(scene.figure.positions) - 1) for frame in wanted],
             camera="side",
             size=size,

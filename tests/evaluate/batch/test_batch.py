@@ -310,3 +310,9 @@ def test_the_keys_of_the_table_are_documented(recordings: Path, tmp_path: Path) 
     rows = re.findall(r"^\| (`.*?) \|", section[1], re.MULTILINE)
     documented = {name for names in rows for name in re.findall(r"`(\w+)`", names)}
     assert documented == set(result) | set(result["captures"][0])
+
+
+def test_an_invalid_subject_is_refused_before_anything_is_processed(recordings: Path, tmp_path: Path) -> None:
+    with pytest.raises(KinemimicError, match="--subject: expected a regular expression, found"):
+        batch([recordings], tmp_path / "out", subject="[")
+    assert not (tmp_path / "out").exists()
