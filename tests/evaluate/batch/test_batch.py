@@ -22,6 +22,7 @@ from kinemimic.evaluate.batch.sources import run_folders
 from kinemimic.evaluate.batch.state import BatchState
 from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.parallel.executor import InProcess
 from kinemimic.pipeline.parallel.task_pool import Failure
