@@ -12,6 +12,7 @@ import click
 import torch
 
 from kinemimic.pipeline.cli.options import json_option, ray_option, run_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.run_folder.stage import reading
 from kinemimic.retarget.formats.gait_json import report_of_run
@@ -206,6 +207,9 @@ def _resume(run: Path, training: TrainingState, motion: Motion, *, resume: bool)
         )
     if saved.exists() and not resumed:
         saved.replace(run / PREVIOUS)
+        if resume:
+            why = "of another motion or other settings"
+            echo(f"{saved} is {why}: kept as {PREVIOUS}; training starts over", err=True)
     return resumed
 
 

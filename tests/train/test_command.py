@@ -77,11 +77,12 @@ def test_more_workers_than_figures_are_not_started(run: Path) -> None:
     assert stage.train(run, budget=ROUND, workers=SMALL.num_envs + 3)["samples"] == ROUND
 
 
-def test_another_seed_keeps_the_checkpoint_aside(run: Path) -> None:
+def test_another_seed_keeps_the_checkpoint_aside(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stage.train(run, budget=ROUND, seed=1, workers=1)
     before = (run / "checkpoint.safetensors").read_bytes()
     stage.train(run, budget=ROUND, seed=2, workers=1)
     assert (run / "checkpoint.previous.safetensors").read_bytes() == before
+    assert "kept as checkpoint.previous.safetensors; training starts over" in capsys.readouterr().err
 
 
 def test_the_record_says_which_engine_and_where_the_time_went(run: Path) -> None:
