@@ -21,7 +21,7 @@ from kinemimic.evaluate.export.both import (
 )
 from kinemimic.evaluate.export.files import FORMATS, GLB, NO_MOTION, ONNX, WRITERS, ExportedFile, export
 from kinemimic.evaluate.export.motion_source import SOURCES, source_of_mcap, sources_of_run
-from kinemimic.evaluate.policies.shipped import POLICY, run_options
+from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
 from kinemimic.evaluate.scoring.reports.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option
@@ -30,6 +30,7 @@ from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.stage import reading, stage
+from kinemimic.train.rollout.policy import POLICY
 
 
 def export_run(

@@ -10,12 +10,12 @@ import click
 
 from kinemimic.evaluate.policies.recipe import recipes, tracker_recipes
 from kinemimic.evaluate.policies.scores_file import read_scores, read_tracker_scores
-from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, shipped_policies
+from kinemimic.evaluate.policies.shipped import RECORD, SCORES, shipped_policies
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, number, show
 from kinemimic.retarget.formats.motion_json import MOTION
-from kinemimic.train.rollout.policy import read_record
+from kinemimic.train.rollout.policy import POLICY, read_record
 
 
 def summary(name: str, folder: Path) -> dict[str, Any]:

@@ -27,11 +27,11 @@ from kinemimic.retarget.formats.gait_json import report_of_run
 from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.tracker import STANDING, TRACKER
-from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.policy import POLICY, Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.tracker.suitability import unsuitable, without_strides
 
-POLICY, RECORD, SCORES = "policy.safetensors", "policy.json", "scores.json"
+RECORD, SCORES = "policy.json", "scores.json"
 # Relative, of duration, advance and height: another version of numpy changes the last digits of a rebuilt
 # motion, another version of `retarget` improves it slightly, and the policy performs as well on either.
 _TOLERANCE = 0.01

@@ -13,7 +13,7 @@ import click
 
 from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.policies.scores_file import read_scores
-from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, motion_summary
+from kinemimic.evaluate.policies.shipped import RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow.packed_recipe import stage_options, train_recipes_on
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.local_files import captures_folder
@@ -24,6 +24,7 @@ from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
 from kinemimic.pipeline.parallel.cluster import cluster
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.formats.motion_json import MOTION
+from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option
 

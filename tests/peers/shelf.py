@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.policies.shipped import POLICY, SCORES, motion_summary
+from kinemimic.evaluate.policies.shipped import SCORES, motion_summary
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.retarget.formats.motion_json import MOTION, motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.presets import preset
+from kinemimic.train.rollout.policy import POLICY
 from peers.constant import constant
 
 RECIPES = """

@@ -17,7 +17,7 @@ from kinemimic.evaluate.command import command as evaluate_command
 from kinemimic.evaluate.export import command as export
 from kinemimic.evaluate.policies import command as policies
 from kinemimic.evaluate.policies.recipe import recording
-from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, ShippedPolicies, evaluated
+from kinemimic.evaluate.policies.shipped import RECORD, SCORES, ShippedPolicies, evaluated
 from kinemimic.evaluate.view import command as view
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
@@ -25,7 +25,7 @@ from kinemimic.retarget.formats.motion_json import MOTION, motion_to_json, read_
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.train.config.tracker import STANDING
-from kinemimic.train.rollout.policy import load_trained
+from kinemimic.train.rollout.policy import POLICY, load_trained
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from peers.ray_nodes import RayNodes
 from peers.shelf import write_run
 
 from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
-from kinemimic.evaluate.policies.shipped import POLICY, RECORD, SCORES, motion_summary
+from kinemimic.evaluate.policies.shipped import RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow import packed_recipe
 from kinemimic.evaluate.workflow import reproduce as module
 from kinemimic.evaluate.workflow.packed_recipe import TrainedRecipe, stage_options, train_recipes_on
@@ -32,6 +32,7 @@ from kinemimic.retarget.formats.motion_json import MOTION, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.from_tracker import NAMES
 from kinemimic.train.config.presets import PRESETS
+from kinemimic.train.rollout.policy import POLICY
 
 WALK = Recipe("walk", "a made-up walk", "default", 5, 3)
 RUN = structs.replace(WALK, name="run", stock="run")
