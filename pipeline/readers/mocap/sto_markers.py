@@ -36,6 +36,7 @@ _VECTORS = "datatype=vec3"
 _AXES = ("_tx", "_ty", "_tz")
 # A file of coordinates has a pelvis_tx, and models of several bodies a few more.
 _FEWEST = 6
+_MAX_TIME = 1e11  # s; times may count from 1970
 
 
 def recognises(source: Source) -> bool:
@@ -69,9 +70,10 @@ def read(source: Source) -> Clip:
         columns, width, numbers = _triples(names), len(names), source
     table = parse_table(numbers, start=start, width=width)
     clock = table.values[:, 0]
-    if not np.isfinite(clock).all():
-        bad = int(np.argmin(np.isfinite(clock)))
-        raise source.error(expected="a time in s", found="none", line=table.line(bad))
+    known = np.abs(clock) < _MAX_TIME
+    if not known.all():
+        bad = int(np.argmin(known))
+        raise source.error(expected="a time in s", found=f"{clock[bad]:g}", line=table.line(bad))
     later, defects = increasing_times(clock)
     defects += rows_cut_off(header, len(clock))
     labels = marker_set(source).renamed(tuple(columns), source)

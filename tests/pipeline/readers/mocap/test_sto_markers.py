@@ -56,7 +56,7 @@ def test_other_columns_may_stand_beside_the_markers() -> None:
     ("name", "old", "new", "message"),
     [
         ("markers.sto", "\n0.05000\t", "\n0.05000\tsoon,", "line 12: expected 67 numbers, found 68"),
-        ("markers.sto", "\n0.05000\t", "\nnan\t", "line 12: expected a time in s, found none"),
+        ("markers.sto", "\n0.05000\t", "\nnan\t", "line 12: expected a time in s, found nan"),
         ("markers.sto", "\ntime\t", "\nframe\t", "line 6: expected time as the first column, found 'frame'"),
         ("model_marker_locations.sto", "ASIS_", "XX_", "expected markers from which hips, knees and ankles"),
     ],
