@@ -138,12 +138,11 @@ study: setup ## Repeat the paper's experiments with the policies of `make compar
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # Our PPO and that of stable-baselines3, A2C, DDPG, TD3 and SAC, each with the layers with which it does best
-# (docs/results-paper.md); SAC on the walk alone. A seed of the last three takes up to an hour of one core.
+# (docs/results-paper.md). A seed of the last three takes one to two hours of one core.
 COMPARED := --seeds 3 --budgets 3e5,1e6 --out runs/comparison --publish datasets/comparison
 ALL_TASKS := datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles
 comparison: setup ## Train the policies that `study` compares (hours), into datasets/comparison (ENGINE=)
-	$(KINEMIMIC) compare datasets/policies/walk --preset sac --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
-	$(KINEMIMIC) compare $(ALL_TASKS) --preset ddpg --preset td3 --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
+	$(KINEMIMIC) compare $(ALL_TASKS) --preset ddpg --preset td3 --preset sac --hidden 512,256 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
 	$(KINEMIMIC) compare $(ALL_TASKS) --preset default --preset a2c --preset sb3-ppo --hidden 256,128 $(COMPARED) $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## Draw the skeleton into CAPTURE=, a video or a depth recording's folder: RUN=/overlay.webm
