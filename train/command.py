@@ -40,7 +40,7 @@ from kinemimic.train.sampling.simulators import Simulators, local_cores, simulat
 from kinemimic.train.sampling.workers import Workers
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import find_scenario
-from kinemimic.train.settings import LEAST, Settings, settings_for
+from kinemimic.train.settings import Settings, settings_for
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
 from kinemimic.train.task.timer import Timer, table
@@ -178,7 +178,7 @@ def _train(
             loop.run(run / CURVES)
     best, taught = training.best, None
     assert best is not None  # noqa: S101 (a training that is complete has an evaluation)
-    if algorithm.progress.samples < LEAST or is_late(training, seconds):
+    if is_late(training, seconds):
         return policy.write(finished=True)
     if config.recovery is not None:
         taught = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)

@@ -237,7 +237,6 @@ def test_a_robust_training_starts_from_a_tracker(run: Path, tracker: Path) -> No
 
 def test_recoveries_are_learned_after_the_last_round(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "LEAST", ROUND)
-    monkeypatch.setattr(stage, "LEAST", ROUND)
     quick = Recovery(
         phases=4, directions=(180.0,), forces=(50.0,), candidates=2, elite=1, iterations=1, rounds=1,
         humanoids=6, taught=0.0,
@@ -266,7 +265,6 @@ def interrupted(*_: object, **__: object) -> Taught:
 
 def test_no_recoveries_are_learned_when_the_time_is_up(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "LEAST", ROUND)
-    monkeypatch.setattr(stage, "LEAST", ROUND)
     monkeypatch.setattr(stage, "learn_recoveries", interrupted)
     config = replace(SMALL, budget=3 * ROUND, recovery=Recovery())
     record = stage.train(run, config=config, workers=1, minutes=1e-6)
