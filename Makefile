@@ -138,7 +138,7 @@ study: setup ## Repeat the paper's experiments with the policies of `make compar
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # Our PPO and that of stable-baselines3, A2C, DDPG, TD3 and SAC, each with the layers with which it does best
-# (docs/results-paper.md). A seed of the last three takes one to two hours of one core.
+# (docs/results-paper.md). A seed of the last three takes half an hour to two hours of one core.
 COMPARED := --seeds 3 --budgets 3e5,1e6 --out runs/comparison --publish datasets/comparison
 ALL_TASKS := datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles
 comparison: setup ## Train the policies that `study` compares (hours), into datasets/comparison (ENGINE=)

@@ -22,8 +22,10 @@ FEWEST_FRAMES = 8
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip without the calibration frames, Euler captures included."""
+    if len(clip.times) < FEWEST_FRAMES:
+        return clip, []
     held = _held_out(clip)
-    if not held[0] or len(clip.times) < FEWEST_FRAMES:
+    if not held[0]:
         return clip, []
     step = np.linalg.norm(relative_to_body(np.diff(clip.positions, axis=0)), axis=-1)
     step = np.where(np.isfinite(step), step, 0.0).mean(axis=1)
