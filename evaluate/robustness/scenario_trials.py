@@ -26,14 +26,14 @@ from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import episode_frames
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.rollout import roll_out
+from kinemimic.train.rollout.rollout import one_by_one, roll_out
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
 
-TRIALS_PER_TASK = 5
+TRIALS_PER_TASK = 5  # of each scenario, for one policy
 RECOVERED = 0.05  # of the largest reward
 DIFFERENT = 1e-6  # of the largest reward: larger than rounding errors
 
@@ -92,13 +92,14 @@ def trial_tasks(
     trials: int,
     seed: int,
     engine: str,
+    per_task: int = TRIALS_PER_TASK,
 ) -> list[ScenarioTask]:
-    """Tasks of TRIALS_PER_TASK trials of each scenario, measured with the reward at the end of the training.
+    """Tasks of `per_task` trials of each scenario, measured with the reward at the end of the training.
 
-    The tasks do not depend on the number of processes, and trial k of a seed does not depend on the number of
-    trials.
+    Few tasks of many trials take less time in all; many tasks occupy more processes. Trial k of a seed
+    depends on neither number.
     """
-    chunks = [tuple(range(trials))[k : k + TRIALS_PER_TASK] for k in range(0, trials, TRIALS_PER_TASK)]
+    chunks = [tuple(range(trials))[k : k + per_task] for k in range(0, trials, per_task)]
     return [
         ScenarioTask(motion, policy, config.measured_env, tuple(scenarios), chunk, seed, engine)
         for chunk in chunks
@@ -108,14 +109,18 @@ def trial_tasks(
 def run_trials(task: ScenarioTask) -> list[Trials]:
     """Run the trials of a task and their controls; one result per scenario.
 
-    A control depends on the route and the start phases only, so scenarios that have these in common share it.
+    A control depends on the route and the start phases only, so scenarios that have these in common share it,
+    as they share the reference of their route.
     """
+    references: dict[Hashable, Reference] = {}
     longest = max(trial_steps(task.motion, scenario) for scenario in task.scenarios)
     controls: dict[Hashable, tuple[Array, NDArray[np.int64]]] = {}
     found = []
     for scenario in task.scenarios:
         seeds, phases = _starts(task, scenario)
-        reference, steps = reference_for(task.motion, scenario), trial_steps(task.motion, scenario)
+        if scenario.route not in references:
+            references[scenario.route] = reference_for(task.motion, scenario)
+        reference, steps = references[scenario.route], trial_steps(task.motion, scenario)
         rewards, fallen_at = _rewards(task, reference, scenario, seeds, phases, steps)
         key = (scenario.route, tuple(phases))
         if key not in controls:
@@ -183,15 +188,10 @@ def _rewards(
     largest = sum(batch.reward.weights.values())
     rewards = np.zeros((size, steps))
 
-    def act_one_by_one(observations: Array) -> Array:
-        # The last digits of a matrix product depend on its number of rows; after some contacts, the rollouts
-        # would too.
-        return np.concatenate([task.policy.act(row[None]) for row in observations])
-
     def record(step: int, standing: NDArray[np.bool_]) -> None:
         rewards[:, step] = standing * batch.terms().sum(axis=1) / largest
 
-    fallen_at = roll_out(batch, act_one_by_one, steps, record)
+    fallen_at = roll_out(batch, one_by_one(task.policy), steps, record)
     batch.world.close()
     return rewards, fallen_at
 

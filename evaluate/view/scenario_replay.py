@@ -46,6 +46,6 @@ def replay_scenario(
         states[step, : len(there)] = there
         loads[step] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
 
-    played = record_trajectory(batch, policy, phase, steps, record)
+    played = record_trajectory(batch, policy, np.array([phase]), steps, record)
     batch.world.close()
     return played, Disturbances([item for _, item in schedule.releases], states, loads)

@@ -62,6 +62,7 @@ class Puppets:
     def __init__(self, size: int) -> None:
         self.size = size
         self.lost = np.zeros(size, dtype=bool)
+        self.frozen: list[int] = []
         self.targets = np.zeros((size, 8, 14, 4))
         self.velocities = np.zeros((size, 8, 14, 3))
         self._states = BodyStates(*(np.zeros((size, 15, k)) for k in (3, 4, 3, 3)))
@@ -77,6 +78,9 @@ class Puppets:
     def reset(self, indices: np.ndarray, poses: Poses) -> None:
         self.lost[indices] = False
         self._states.positions[indices] = poses.root[:, None]
+
+    def freeze(self, indices: np.ndarray) -> None:
+        self.frozen.extend(indices.tolist())
 
     def step(self, targets: np.ndarray, velocities: np.ndarray, wrenches: np.ndarray | None) -> BodyStates:
         self.targets, self.velocities = targets, velocities

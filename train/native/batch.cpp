@@ -57,6 +57,8 @@ void Batch::vary(int index, double friction, double mass) {
     m_figures[static_cast<std::size_t>(index)]->vary(btScalar(friction), btScalar(mass));
 }
 
+void Batch::freeze(int index) { m_figures[static_cast<std::size_t>(index)]->freeze(); }
+
 void Batch::reset(const std::vector<int>& indices, const Poses& poses) {
     const std::size_t joints = m_bodies.size() - 1;
     m_pool.run(static_cast<int>(indices.size()), [&](int task) {

@@ -24,6 +24,9 @@ public:
     };
     void reset(const std::vector<int>& indices, const Poses& poses);
 
+    // See Figure::freeze.
+    void freeze(int index);
+
     // targets: (E, substeps, joints, 4); velocities: (E, substeps, joints, 3); wrenches: (E, bodies, 6) or null.
     void step(const double* targets, const double* velocities, const double* wrenches, int substeps);
 

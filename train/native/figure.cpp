@@ -169,6 +169,7 @@ void Figure::reset(const State& state) {
     const State before = m_state;
     embody();
     write(state);
+    m_frozen = false;
     m_exploded = !sound();
     if (m_exploded) {
         write(before);
@@ -245,6 +246,9 @@ void Figure::advance(const btQuaternion* targets, const btVector3* velocities, c
 
 void Figure::step(const btQuaternion* targets, const btVector3* velocities, int substeps, const btVector3* forces,
                   const btVector3* torques) {
+    if (m_frozen) {
+        return;
+    }
     std::fill(m_peaks.begin(), m_peaks.end(), btScalar(0));
     const std::size_t joints = m_bodies.size() - 1;
     for (int substep = 0; substep < substeps; ++substep) {

@@ -34,6 +34,9 @@ public:
     void step(const btQuaternion* targets, const btVector3* velocities, int substeps, const btVector3* forces,
               const btVector3* torques);
 
+    // Steps change nothing any more, until the next reset.
+    void freeze() { m_frozen = true; }
+
     const Kinematics& kinematics() const { return m_kinematics; }
     // Largest component of each joint's torque in the last `step`, N m; [0] unused.
     const std::vector<btScalar>& peaks() const { return m_peaks; }
@@ -76,6 +79,7 @@ private:
     std::vector<btVector3> m_torques;
     std::vector<btScalar> m_peaks;
     bool m_exploded = false;
+    bool m_frozen = false;
     btScalar m_last_step;
     btScalar m_friction;
     btScalar m_mass = 1;

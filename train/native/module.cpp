@@ -135,6 +135,12 @@ void reset(Batch& batch, const Integers& indices, const Floats& root, const Floa
     batch.reset(rows, poses);
 }
 
+void freeze(Batch& batch, const Integers& indices) {
+    for (py::ssize_t k = 0; k < indices.size(); ++k) {
+        batch.freeze(index_in(batch, indices.at(k)));
+    }
+}
+
 void step(Batch& batch, const Floats& targets, const Floats& velocities, const std::optional<Floats>& wrenches) {
     const py::ssize_t size = batch.size(), others = batch.bodies() - 1;
     const py::ssize_t substeps = targets.ndim() > 1 ? targets.shape(1) : 0;
@@ -193,7 +199,7 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 PYBIND11_MODULE(kinemimic_native, m) {
     m.doc() = "Batches of humanoids on Bullet's own C++, with stable PD in the loop.";
     // Increased whenever arguments or results change; train/sim/engines.py accepts only this number.
-    m.attr("interface") = 4;
+    m.attr("interface") = 5;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);
     py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/sim/native_world.py.")
         .def(py::init(&make), py::kw_only(), py::arg("size"), py::arg("parents"), py::arg("shapes"), py::arg("sizes"),
@@ -204,6 +210,7 @@ PYBIND11_MODULE(kinemimic_native, m) {
         .def("vary", &vary, py::arg("indices"), py::arg("friction"), py::arg("mass"))
         .def("reset", &reset, py::arg("indices"), py::arg("root"), py::arg("rotation"), py::arg("linear"),
              py::arg("angular"), py::arg("joints"), py::arg("velocities"))
+        .def("freeze", &freeze, py::arg("indices"))
         .def("step", &step, py::arg("targets"), py::arg("velocities"), py::arg("wrenches") = py::none())
         .def("place", &place, py::arg("index"), py::kw_only(), py::arg("shapes"), py::arg("sizes"), py::arg("masses"),
              py::arg("positions"), py::arg("rotations"), py::arg("velocities"), py::arg("spins"))

@@ -43,8 +43,9 @@ def roll_out(
 
     The batch starts in its current state. Without a fall, the step is `steps`. act: None for no corrections
     of the reference; steps: None rolls out until `on_step` stops it; on_step may reset humanoids of the
-    batch; until_all_fell: stop before `on_step` once every humanoid has fallen (`ImitationBatch.fallen`);
-    wrenches: (E, 15, 6) external force and torque, read at every step, so that `on_step` may change them.
+    batch; until_all_fell: stop before `on_step` once every humanoid has fallen (`ImitationBatch.fallen`), and
+    simulate no humanoid beyond its fall; wrenches: (E, 15, 6) external force and torque, read at every step,
+    so that `on_step` may change them.
     """
     size = batch.world.size
     last = np.iinfo(np.int64).max if steps is None else steps
@@ -54,16 +55,27 @@ def roll_out(
     for step in itertools.count() if steps is None else range(steps):
         actions = np.zeros((size, ACTIONS)) if act is None else act(observations).astype(np.float64)
         observations = batch.step(actions, wrenches).observations
-        fallen = batch.fallen()
-        fallen_at[fallen & standing] = step
-        standing = standing & ~fallen
-        if until_all_fell and not standing.any():
-            break
+        falls = batch.fallen() & standing
+        fallen_at[falls] = step
+        standing = standing & ~falls
+        if until_all_fell and falls.any():
+            if not standing.any():
+                break
+            batch.world.freeze(np.flatnonzero(falls))
         if on_step(step, standing):
             break
         if not batch.ages.all():  # some were reset
             observations = batch.observe()
     return fallen_at
+
+
+def one_by_one(policy: Policy) -> Act:
+    """`policy.act` on one row of observations after the other.
+
+    The last digits of a matrix product depend on its number of rows; after some contacts, the rollouts would
+    too.
+    """
+    return lambda observations: np.concatenate([policy.act(row[None]) for row in observations])
 
 
 def collect_trajectories(
@@ -111,7 +123,7 @@ def _collect_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str])
     motion, policy, config, phase, frames, engine = task
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), Reference(motion), config)
     batch.reset(np.array([0]), np.array([phase]))
-    trajectory = record_trajectory(batch, policy, phase, frames)
+    trajectory = record_trajectory(batch, policy, np.array([phase]), frames)
     batch.world.close()
     return trajectory
 
@@ -119,13 +131,14 @@ def _collect_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str])
 def record_trajectory(
     batch: ImitationBatch,
     policy: Policy | None,
-    phase: float,
+    phases: Array,
     frames: int,
     on_step: Callable[[int], object] | None = None,
 ) -> Trajectory:
-    """Roll out a batch of one humanoid, which was reset to `phase`, beyond a fall.
+    """Roll out a batch, which was reset to phases (E,), beyond all falls.
 
-    on_step: called with the number of every control step.
+    The trajectory of a humanoid does not depend on the others of its batch. on_step: called with the number
+    of every control step.
     """
     reference = batch.reference
     rows: dict[str, list[NDArray[Any]]] = {
@@ -145,11 +158,11 @@ def record_trajectory(
         if on_step is not None:
             on_step(step)
 
-    act = None if policy is None else policy.act
+    act = None if policy is None else one_by_one(policy)
     fallen_at = roll_out(batch, act, frames, record, until_all_fell=False)
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
     return Trajectory(
-        start_phases=np.array([phase]),
+        start_phases=phases,
         reference_root=reference.root(stacked["phases"]),
         reference_rotations=reference.nodes(stacked["phases"]),
         reward_names=np.array(list(batch.reward.weights)),

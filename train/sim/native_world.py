@@ -122,6 +122,9 @@ class NativeWorld:
             poses.joint_velocities,
         )  # fmt: skip
 
+    def freeze(self, indices: NDArray[np.intp]) -> None:
+        self._batch.freeze(indices)
+
     def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
         self._batch.step(targets, target_velocities, wrenches)
         return self._states

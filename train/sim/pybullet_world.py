@@ -83,6 +83,7 @@ class BulletWorld:
             vary_humanoid(client, self._humanoid, self._nominal, *self._wanted[0])
         self._obstacles: list[list[tuple[int, Obstacle]]] = [[] for _ in range(size)]
         self._exploded = np.zeros(size, dtype=np.bool_)
+        self._frozen = np.zeros(size, dtype=np.bool_)
         self._parts = [1] * size
         bodies = (size, len(BODIES))
         self._buffers = BodyStates(*(np.zeros((*bodies, width)) for width in (3, 4, 3, 3)))
@@ -118,6 +119,7 @@ class BulletWorld:
                 start(client, body, item)
         self._peaks[indices] = 0.0
         self._exploded[indices] = False
+        self._frozen[indices] = False
         self._read()
 
     def _forget_contacts(self, index: int, client: int) -> None:
@@ -133,13 +135,16 @@ class BulletWorld:
             )
         bullet.performCollisionDetection(physicsClientId=client)
 
+    def freeze(self, indices: NDArray[np.intp]) -> None:
+        self._frozen[indices] = True
+
     def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
         positions = targets[..., QUAT_TO_BULLET].tolist()
         velocities = target_velocities[..., TO_BULLET].tolist()
         if self._measure:
-            self._peaks[:] = 0.0
+            self._peaks[~self._frozen] = 0.0
         for index, client in enumerate(self._clients):
-            if self._exploded[index]:
+            if self._exploded[index] or self._frozen[index]:
                 continue
             wrench = None if wrenches is None else wrenches[index]
             for target, velocity in zip(positions[index], velocities[index], strict=True):

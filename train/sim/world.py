@@ -138,6 +138,10 @@ class World(Protocol):
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
         """Reset the humanoids `indices` (N,) to N poses, and clear their contacts and torques."""
 
+    def freeze(self, indices: NDArray[np.intp]) -> None:
+        """Leave the humanoids `indices` (N,) and their obstacles as they are until their next reset: steps
+        simulate the others only."""
+
     def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
         """One control step of SUBSTEPS physics steps with stable PD.
 

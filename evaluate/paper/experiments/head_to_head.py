@@ -15,6 +15,8 @@ from kinemimic.evaluate.robustness.scenario_trials import Trials, run_all_trials
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.train.scenario.scenario import Scenario
 
+TRIALS_PER_TASK = 15  # of each scenario: several policies are enough for many processes
+
 # Of one algorithm in one scenario: the trials of each of its policies.
 OfSeeds = Sequence[Trials]
 
@@ -36,7 +38,16 @@ def contest_trials(
     tasks, in place of them; progress: called with the share of trials finished since the last call.
     """
     groups = [
-        trial_tasks(one.motion, one.policy, one.config, scenarios, trials=trials, seed=seed, engine=engine)
+        trial_tasks(
+            one.motion,
+            one.policy,
+            one.config,
+            scenarios,
+            trials=trials,
+            seed=seed,
+            engine=engine,
+            per_task=TRIALS_PER_TASK,
+        )
         for one in policies
     ]
     count = sum(map(len, groups))

@@ -3,56 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
+from kinemimic.evaluate.robustness.scenario_trials import trial_start, trial_steps
 from kinemimic.evaluate.scoring.metrics.scores import FIT_FRAMES, rollout_fits
-from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.parallel.executor import Executor, ordered_map
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.train.rollout.rollout import record_trajectory
+from kinemimic.train.rollout.trajectory import Trajectory
+from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.task.env import ImitationBatch
 
 MEASURED = ("r2_upright", "r2", "rmse_deg", "max_gap_deg", "nrmse_fit")
 
 
 @dataclass(frozen=True)
-class Walk:
-    """One walk through one random room."""
+class Walks:
+    """Walks of one policy through random rooms, `trials` of them."""
 
     trained: TrainedPolicy
     scenario: Scenario
-    number: int
+    trials: int
     seed: int
     engine: str
 
 
-def walk_metrics(walk: Walk) -> dict[str, Any]:
-    """Metrics of a walk over its first FIT_FRAMES frames, including those after a fall.
+def walk_metrics(walks: Walks) -> list[dict[str, Any]]:
+    """Metrics of each walk over its first FIT_FRAMES frames, including those after a fall.
 
     frames: before a fall; knee, hip: MEASURED, mean of both sides except for the largest gap; gap_side,
     gap_frame: of the largest hip gap, frames counted from 1; curves: angles in degrees, reference and
     simulated.
     """
-    one = walk.trained
-    played, _ = replay_scenario(
-        one.motion, one.policy, one.config, walk.scenario,
-        number=walk.number, seed=walk.seed, engine=walk.engine,
-    )  # fmt: skip
-    frames = min(FIT_FRAMES, played.root.shape[1])
-    fits = rollout_fits(played, 0, frames)
-    reference = joint_angles(played.reference_rotations[0, :frames])
-    simulated = joint_angles(played.rotations[0, :frames])
+    played = _walked(walks)
+    return [_metrics(played, k) for k in range(walks.trials)]
+
+
+def _walked(walks: Walks) -> Trajectory:
+    """Walk k is trial k of `disturb` with that seed, continued after a fall."""
+    motion, config = walks.trained.motion, walks.trained.config
+    starts = [trial_start(motion, walks.scenario, walks.seed, number) for number in range(walks.trials)]
+    seeds = np.array([seed for seed, _ in starts], dtype=np.uint64)
+    phases = np.array([phase for _, phase in starts])
+    batch = ImitationBatch(
+        open_world(walks.trials, walks.engine),
+        reference_for(motion, walks.scenario),
+        replace(config.measured_env, scenario=walks.scenario),
+    )
+    batch.reset(np.arange(walks.trials), phases, seeds=seeds)
+    steps = min(FIT_FRAMES, trial_steps(motion, walks.scenario))
+    played = record_trajectory(batch, walks.trained.policy, phases, steps)
+    batch.world.close()
+    return played
+
+
+def _metrics(played: Trajectory, number: int) -> dict[str, Any]:
+    """Metrics of one walk."""
+    frames = played.root.shape[1]
+    fits = rollout_fits(played, number, frames)
+    reference = joint_angles(played.reference_rotations[number])
+    simulated = joint_angles(played.rotations[number])
     gaps = [np.abs(simulated[f"hip_{side}"] - reference[f"hip_{side}"]) for side in SIDES]
     return {
-        "number": walk.number,
-        "frames": int(min(played.fallen_at[0], frames)),
+        "number": number,
+        "frames": int(min(played.fallen_at[number], frames)),
         "of": frames,
         **{
             joint: {name: round(getattr(fits[joint].both, name), 6) for name in MEASURED}
@@ -89,19 +114,14 @@ def rooms(
     their same seed through that room; executor: what runs the tasks, by default `workers` processes of
     this machine; progress: called with the share of walks finished since the last call.
     """
-    walks = [
-        Walk(one, scenario, number, seed, engine)
-        for policies in algorithms
-        for one in policies
-        for number in range(trials)
-    ]
-    share = progress and (lambda k: progress(k / len(walks)))
+    tasks = [Walks(one, scenario, trials, seed, engine) for policies in algorithms for one in policies]
+    share = progress and (lambda k: progress(k / len(tasks)))
     done = iter(
-        parallel_map(walk_metrics, walks, workers=workers, progress=share)
+        parallel_map(walk_metrics, tasks, workers=workers, progress=share)
         if executor is None
-        else ordered_map(executor, walk_metrics, walks, progress=share)
+        else ordered_map(executor, walk_metrics, tasks, progress=share)
     )
-    of_all = [[next(done) for _ in range(trials * len(policies))] for policies in algorithms]
+    of_all = [list(chain.from_iterable(islice(done, len(policies)))) for policies in algorithms]
     fits = [sum(walk[joint]["r2_upright"] for joint in SCORED_JOINTS) for walk in of_all[0]]
     middle = int(np.argsort(fits, kind="stable")[(len(fits) - 1) // 2])
     return [

@@ -31,6 +31,7 @@ def test_a_fall_is_the_first_one_and_the_others_go_on(batch: ImitationBatch) -> 
     assert fallen_at.tolist() == [6, 1, 3]
     assert [step for step, _ in seen] == list(range(6))
     assert [sum(standing) for _, standing in seen] == [3, 2, 2, 1, 1, 1]
+    assert batch.world.frozen == [1, 2]
 
 
 @pytest.mark.parametrize(("until_all_fell", "steps"), [(True, [0, 1, 2]), (False, [0, 1, 2, 3, 4, 5])])
@@ -42,6 +43,7 @@ def test_it_stops_before_the_step_in_which_the_last_one_fell(
     fallen_at = roll_out(batch, None, 6, lambda step, _: seen.append(step), until_all_fell=until_all_fell)
     assert seen == steps
     assert fallen_at.tolist() == [1, 2, 3]
+    assert batch.world.frozen == ([0, 1] if until_all_fell else [])
 
 
 def test_it_stops_when_told_and_acts_on_what_a_reset_left(batch: ImitationBatch) -> None:

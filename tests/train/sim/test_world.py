@@ -13,7 +13,7 @@ from kinemimic.pipeline.kinematics.rotations import angle_between, from_rotvec, 
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates, Poses, World
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates, Obstacle, Poses, World
 
 
 def test_reset_puts_every_body_where_the_reference_has_it(world: World, motion) -> None:
@@ -193,6 +193,32 @@ def test_an_exploded_humanoid_is_frozen_until_its_reset(world: World) -> None:
     world.reset(np.array([0]), upright(3.0))
     assert not world.exploded().any()
     assert world.step(*HOLD).positions.tobytes() == sound.tobytes()
+
+
+def test_a_frozen_humanoid_waits_for_its_reset_and_leaves_the_others_as_they_were(engine: str) -> None:
+    """Also its obstacle. The other one moves as without it, to the last bit."""
+    pair, alone = open_world(2, engine), open_world(1, engine)
+    ball = Obstacle("sphere", (0.2, 0.2, 0.2), (0.0, 1.0, 2.0), mass=1.0)
+    both = Poses(*(np.repeat(value, 2, axis=0) for value in vars(upright(3.0)).values()))
+    commands = tuple(np.repeat(value, 2, axis=0) for value in HOLD)
+    for world, poses in ((pair, both), (alone, upright(3.0))):
+        for index in range(world.size):
+            world.place(index, [ball])
+        world.reset(np.arange(world.size), poses)
+    still = pair.step(*commands).positions[0].copy()
+    hung = pair.obstacles(0).copy()
+    moved = alone.step(*HOLD).positions[0].copy()
+    pair.freeze(np.array([0]))
+    for _ in range(3):
+        positions, (expected,) = pair.step(*commands).positions, alone.step(*HOLD).positions
+        assert positions[0].tobytes() == still.tobytes()
+        assert positions[1].tobytes() == expected.tobytes()
+        np.testing.assert_array_equal(pair.obstacles(0), hung)
+    assert expected[0, 2] < moved[0, 2] - 0.05
+    pair.reset(np.array([0]), upright(3.0))
+    assert pair.step(*commands).positions[0].tobytes() == moved.tobytes()
+    pair.close()
+    alone.close()
 
 
 def test_states_are_read_only_views(world: World) -> None:
