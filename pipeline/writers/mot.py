@@ -1,7 +1,7 @@
 """Write OpenSim motions (.mot): poses of the 20 nodes as coordinates of the model gait2354.
 
 Coordinates and their order are those of Delp et al. 1990 (gait2354) and, for the arms, Hamner, Seth & Delp
-2010; readers/mocap/mot.py describes their axes.
+2010; readers/opensim/mot.py describes their axes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.angles import anatomical_knee, steady_leg
 from kinemimic.pipeline.kinematics.euler_curves import euler_curves
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.pipeline.readers.mocap.mot import OPENSIM_JOINTS, WORLD_FROM_FILE
+from kinemimic.pipeline.readers.opensim.mot import OPENSIM_JOINTS, WORLD_FROM_FILE
 from kinemimic.pipeline.writers.poses import Poses
 
 # Midpoint of the hips relative to the pelvis' origin in the models, metres.

@@ -9,7 +9,7 @@ import numpy as np
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
-from kinemimic.pipeline.readers.mocap.trc import WORLD_FROM_FILE
+from kinemimic.pipeline.readers.opensim.trc import WORLD_FROM_FILE
 
 
 def write_trc(path: Path, clip: Clip) -> None:

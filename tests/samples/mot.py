@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.readers.mocap.mot import WORLD_FROM_FILE
+from kinemimic.pipeline.readers.opensim.mot import WORLD_FROM_FILE
 from samples.motion import rigid_walk
 
 

@@ -29,7 +29,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.storage import ends_header, rows_cut_off, storage_header
+from kinemimic.pipeline.readers.opensim.storage import ends_header, rows_cut_off, storage_header
 
 FORMAT = Format(
     name="OpenSim .mot/.sto",

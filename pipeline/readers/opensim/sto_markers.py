@@ -18,8 +18,8 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import parse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.storage import ends_header, rows_cut_off, storage_header
-from kinemimic.pipeline.readers.mocap.trc import WORLD_FROM_FILE
+from kinemimic.pipeline.readers.opensim.storage import ends_header, rows_cut_off, storage_header
+from kinemimic.pipeline.readers.opensim.trc import WORLD_FROM_FILE
 from kinemimic.pipeline.readers.optical.declared_unit import unit_named
 from kinemimic.pipeline.readers.optical.marker_set import marker_set
 from kinemimic.pipeline.readers.optical.markers import clip_of_markers
