@@ -41,8 +41,8 @@ from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
 CLIP_SCHEMA = 3
-# Bytes. The largest file is a motion of 1.3 kB per frame: two hours at 30 Hz fit.
-_JSON_LIMIT = 256 * MEGABYTE
+# Bytes. The largest file is a motion of 1.1 kB per frame: an hour at 60 Hz fits.
+JSON_LIMIT = 256 * MEGABYTE
 _CLIP, _CLIP_ADVICE = "a kinemimic clip (Parquet)", "run the stage that writes it again"
 _ROTATIONS, _ROTATIONS_ADVICE = "rotations of `convert` (Parquet)", "run `convert` again"
 _UNIT = 1e-3  # tolerance of a unit quaternion's length
@@ -108,7 +108,7 @@ def write_json(path: Path, value: Any) -> None:
 def read_json(path: Path) -> Any:
     """Read a JSON file of at most 256 MB; KinemimicError if it is missing or damaged."""
     try:
-        text = read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8")
+        text = read_bounded(path, JSON_LIMIT, "a JSON file").decode("utf-8")
         value = strict_json(text)
         if "\\ud" in text or "\\uD" in text:
             # Half of a character cannot be written or printed.

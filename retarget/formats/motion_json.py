@@ -10,7 +10,8 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.json_layout import layout
-from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.files.store import JSON_LIMIT, read_json
+from kinemimic.pipeline.files.validation.bounded import MEGABYTE
 from kinemimic.pipeline.files.validation.schema import upgraded
 from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES, SIDES
 from kinemimic.retarget.humanoid.motion import Motion
@@ -36,7 +37,8 @@ _CONVENTIONS = {
 def motion_to_json(motion: Motion) -> str:
     """A motion as JSON text, deterministic.
 
-    Numbers are rounded to DECIMALS; `read_motion_json` reads exactly the numbers written.
+    Numbers are rounded to DECIMALS; `read_motion_json` reads exactly the numbers written. KinemimicError for
+    a motion that it could not read, because it is too long.
     """
     layers = {
         layer: {
@@ -63,7 +65,16 @@ def motion_to_json(motion: Motion) -> str:
         "contacts": {side: motion.contacts[:, k].astype(int).tolist() for k, side in enumerate(SIDES)},
         "layers": layers,
     }
-    return layout(document) + "\n"
+    text = layout(document) + "\n"
+    if len(text) > JSON_LIMIT:
+        frames = len(motion.root)
+        most = frames * JSON_LIMIT // len(text)
+        raise KinemimicError(
+            f"expected a motion of at most {most:,} frames ({JSON_LIMIT // MEGABYTE} MB of JSON), found "
+            f"{frames:,}, {frames / motion.rate / 60:.0f} min; take a part of the capture "
+            "(`kinemimic retarget --segment`)"
+        )
+    return text
 
 
 def read_motion_json(path: Path) -> Motion:

@@ -38,6 +38,7 @@ def write_library(folder: Path, library: MotionLibrary, described: Mapping[str, 
     """Write both files, the manifest last; returns its content.
 
     described: further keys of the manifest; a list `motions` there has further keys of each motion.
+    KinemimicError for more motions than `read_library` would read.
     """
     data = save(
         {
@@ -46,6 +47,11 @@ def write_library(folder: Path, library: MotionLibrary, described: Mapping[str, 
             "contacts": np.ascontiguousarray(library.contacts),
         }
     )
+    if len(data) > _LIMIT:
+        raise KinemimicError(
+            f"{folder / ARRAYS}: expected motions of at most {_LIMIT // MEGABYTE:,} MB, found "
+            f"{len(data) // MEGABYTE:,} MB of {len(library):,} motions; make several libraries"
+        )
     more = described.get("motions", [{}] * len(library))
     manifest = {
         "schema": LIBRARY_SCHEMA,

@@ -13,6 +13,7 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODES
+from kinemimic.retarget.formats import motion_json
 from kinemimic.retarget.formats.motion_json import MOTION_SCHEMA, motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -160,3 +161,12 @@ def test_bytes_that_are_no_text_are_told(tmp_path: Path) -> None:
     (tmp_path / "motion.json").write_bytes(b"\xff\xfe")
     with pytest.raises(KinemimicError, match="expected JSON, found bytes that are not UTF-8"):
         read_motion_json(tmp_path / "motion.json")
+
+
+def test_a_motion_too_long_to_be_read_back_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    size = len(motion_to_json(motion()))
+    monkeypatch.setattr(motion_json, "JSON_LIMIT", size)
+    motion_to_json(motion())
+    monkeypatch.setattr(motion_json, "JSON_LIMIT", size - 1)
+    with pytest.raises(KinemimicError, match=r"at most 6 frames .*, found 7, 0 min; take a part"):
+        motion_to_json(motion())

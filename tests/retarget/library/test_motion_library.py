@@ -13,6 +13,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import from_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.library import library_file
 from kinemimic.retarget.library.library_file import ARRAYS, MANIFEST, read_library, write_library
 from kinemimic.retarget.library.motion_library import Entry, MotionLibrary, Split
 
@@ -177,3 +178,16 @@ def test_a_quaternion_that_is_none(library: MotionLibrary, tmp_path: Path) -> No
     write_library(tmp_path, replace(library, rotations=rotations), {})
     with pytest.raises(KinemimicError, match="a: expected unit quaternions, found length 2"):
         read_library(tmp_path)
+
+
+def test_a_library_too_large_to_be_read_back_is_not_written(
+    tmp_path: Path, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_library(tmp_path, library, {})
+    size = (tmp_path / ARRAYS).stat().st_size
+    monkeypatch.setattr(library_file, "_LIMIT", size)
+    write_library(tmp_path, library, {})
+    monkeypatch.setattr(library_file, "_LIMIT", size - 1)
+    with pytest.raises(KinemimicError, match="of 3 motions; make several libraries"):
+        write_library(tmp_path / "other", library, {})
+    assert not (tmp_path / "other").exists()
