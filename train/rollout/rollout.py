@@ -135,7 +135,7 @@ def record_trajectory(
     frames: int,
     on_step: Callable[[int], object] | None = None,
 ) -> Trajectory:
-    """Roll out a batch, which was reset to phases (E,), beyond all falls.
+    """Roll out a batch, which was reset to phases (E,), beyond all falls. Its world measures torques.
 
     The trajectory of a humanoid does not depend on the others of its batch. on_step: called with the number
     of every control step.

@@ -57,7 +57,7 @@ def _walked(walks: Walks) -> Trajectory:
     seeds = np.array([seed for seed, _ in starts], dtype=np.uint64)
     phases = np.array([phase for _, phase in starts])
     batch = ImitationBatch(
-        open_world(walks.trials, walks.engine),
+        open_world(walks.trials, walks.engine, measure_torques=True),
         reference_for(motion, walks.scenario),
         replace(config.measured_env, scenario=walks.scenario),
     )
