@@ -20,6 +20,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
+from kinemimic.pipeline.locomotion.path.heading import body_heading
 from kinemimic.retarget.cyclic import FRAME_RATE
 from kinemimic.retarget.feet.balance import EDGE, upright
 from kinemimic.retarget.feet.contact import (
@@ -170,7 +171,7 @@ def _motion_on_body(
     rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
     contacts = _recorded_contacts(positions, times, grid, scale, rigid)
     reliability = _reliability(positions, rigid, contacts[_nearest_frames(times, len(grid))], weights)
-    rotations = _body_rotations(positions, reliability, times, grid)
+    rotations = _body_rotations(positions, reliability, times, grid, _facing(positions, times, grid))
     if not reliability.feet:
         rotations = flat_feet(rotations)
     root = scale * _hips(positions, times, grid)
@@ -178,9 +179,28 @@ def _motion_on_body(
     return _OnBody(reliability, rotations, root, contacts, lean)
 
 
-def _body_rotations(positions: Array, reliability: SensorReliability, times: Array, grid: Array) -> Array:
-    """Local rotations (T, 20, 4) at times `grid` (T,) from recorded positions (M, 20, 3) at `times` (M,)."""
-    rotations = _resampled(local_rotations(reliable_frames(positions, reliability)), times, grid)
+def _facing(positions: Array, times: Array, grid: Array) -> Array:
+    """Heading (M,) in radians at `times` (M,) of a body that need not walk along +X, nor face it; 0 without
+    hips, knees or ankles."""
+    filled = np.full((len(grid), *positions.shape[1:]), np.nan)
+    for node in range(len(NODES)):
+        seen = np.isfinite(positions[:, node]).all(axis=-1)
+        if seen.any():
+            filled[:, node] = _interpolate(grid, times[seen], positions[seen, node])
+    return np.nan_to_num(np.interp(times, grid, body_heading(filled, FRAME_RATE)[0]))
+
+
+def _body_rotations(
+    positions: Array,
+    reliability: SensorReliability,
+    times: Array,
+    grid: Array,
+    heading: Array | float = 0.0,
+) -> Array:
+    """Local rotations (T, 20, 4) at times `grid` (T,) from recorded positions (M, 20, 3) at `times` (M,), at
+    which the body has this heading, (M,) or one for all."""
+    frames = reliable_frames(positions, reliability, heading)
+    rotations = _resampled(local_rotations(frames), times, grid)
     return rotations if reliability.precise else limit_knee_extension(rotations)
 
 

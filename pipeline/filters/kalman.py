@@ -38,6 +38,8 @@ GRID_SIZE = 7
 HEADROOM = 1.5
 # Residuals beyond this many times the scatter lose weight (Student's t with few degrees of freedom).
 TOLERANCE = 1.5
+# Of the median step: stamps that nearly coincide say nothing about the speed between them.
+_LEAST_STEP = 0.05
 # Seconds over which the scatter is a running median: a fast movement is not a spike.
 SCATTER_WINDOW = 1.0
 # Rounds of reweighting.
@@ -129,7 +131,8 @@ class Chain:
     def of(cls, times: Array, passes: NDArray[np.int32], there: Mask, step: float) -> Chain:
         """The chain of the frames in the mask `there` (T,)."""
         linked = (passes[2:] == passes[:-2]) & there[2:] & there[1:-1] & there[:-2]
-        before, after = np.diff(times)[:-1] / step, np.diff(times)[1:] / step
+        steps = np.maximum(np.diff(times) / step, _LEAST_STEP)
+        before, after = steps[:-1], steps[1:]
         # Slope after minus slope before, x - 2 x' + x'' on an even clock; the variance of the acceleration
         # noise grows with the mean of both steps.
         rows = np.stack([1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after], axis=-1)

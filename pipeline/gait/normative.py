@@ -1,7 +1,7 @@
 """Normative knee, hip and ankle angles of healthy walking at self-selected speed, over the gait cycle.
 
 Means and standard deviations of 83 children at their self-selected speed (0.36 to 0.49 of the root of gravity
-times leg length: 1.05 to 1.45 m/s for a leg of 0.87 m), every 2 % of the cycle from initial contact:
+times leg length: 1.05 to 1.43 m/s for a leg of 0.87 m), every 2 % of the cycle from initial contact:
 Schwartz, Rozumalski and Trost 2008, The effect of walking speed on the gait of typically developing children,
 Journal of Biomechanics 41(8), 1639-1650, doi:10.1016/j.jbiomech.2008.03.015, whose electronic tables give
 them to 0.1°. Bovi et al. 2011 (Gait & Posture 33(1), 6-13) find a good correlation of their own subjects, 6

@@ -22,6 +22,8 @@ MARGIN = 0.02  # m by which the centre of mass comes inside the soles, if it is 
 # foot of 16 cm, the middle 5 cm remain.
 EDGE = 0.055
 LARGEST_LEAN = np.radians(15.0)  # of a sensor that stands on a table or hangs on a wall
+# m of the centre of mass above the ankles, below which nobody stands: a person lies, or is on their hands.
+LOWEST_CENTRE = 0.3
 _SMALLEST_LEAN = np.radians(0.5)
 # When a body counts as standing on the spot: share of the frames with a foot in contact, and the travel of
 # the hips, m. A jump or a roll leans as its dynamics ask for.
@@ -58,7 +60,8 @@ def upright(
     radians it was turned. The feet keep their orientation in the world.
 
     contacts: (T, 2); rate: frames per second; edge: m of the soles' edges that count as outside. Nothing
-    changes for a body that does not stand on the spot, nor if the centre of mass is over the soles that stand
+    changes for a body that does not stand on the spot, nor for one whose centre of mass is hardly above its
+    ankles, as of a person who lies, nor if the centre of mass is over the soles that stand
     in at least half of the frames in which any does, nor by less than half a degree.
     """
     if not on_the_spot(root, contacts, rate):
@@ -71,6 +74,8 @@ def upright(
         if np.linalg.norm(np.median(off, axis=0)) < 1e-3:
             break
         height = float(np.median((centre_of_mass(positions, frames) - ankle_middle(positions))[standing, 2]))
+        if height < LOWEST_CENTRE:
+            return rotations, root, 0.0
         x, y = np.median(off, axis=0) / height
         total += [-y, x, 0.0]
         size = float(np.linalg.norm(total))

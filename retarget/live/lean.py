@@ -13,6 +13,7 @@ from kinemimic.pipeline.kinematics.rotations import from_rotvec, rotate
 from kinemimic.retarget.feet.balance import (
     EDGE,
     LARGEST_LEAN,
+    LOWEST_CENTRE,
     ankle_middle,
     centre_of_mass,
     leaned,
@@ -24,7 +25,6 @@ from kinemimic.retarget.feet.scale import body_kinematics
 AVERAGE_TIME = 3.0  # s over which the lean is averaged
 FADE_TIME = 0.33  # s
 STANDS = 0.04  # m by which a foot that carries is above the lower one, at most
-_LOWEST_CENTRE = 0.3  # m above the ankles
 
 
 class LiveLean:
@@ -56,7 +56,7 @@ class LiveLean:
         height = float((centre_of_mass(positions, frames) - ankle_middle(positions))[0, 2])
         self._seconds += 1.0 / self._rate
         span = self._rate * min(self._seconds, AVERAGE_TIME)
-        self._lean = self._lean + _turned_by(-yaw, missing) / (max(height, _LOWEST_CENTRE) * span)
+        self._lean = self._lean + _turned_by(-yaw, missing) / (max(height, LOWEST_CENTRE) * span)
         size = float(np.linalg.norm(self._lean))
         if size > LARGEST_LEAN:
             self._lean *= LARGEST_LEAN / size

@@ -151,19 +151,21 @@ class LivePose:
 
     def _feet_are_seen(self, ahead: Array, filled: Array, now: int) -> bool:
         """Whether the feet are measured: flat on the ground where they stand, in a precise capture."""
+        there = self.reliability.precise
         for k, side in enumerate(SIDES):
             ankle = filled[:, N[f"ankle_{side}"]]
             speed = self._rate * np.linalg.norm(np.gradient(ankle[:, :2], axis=0), axis=-1)
             low = ankle[:, 2] - ankle[:, 2].min() < 0.04
             toe = ahead[:, N[f"foot_{side}"]] - ahead[:, N[f"ankle_{side}"]]
             pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
+            there &= bool(np.isfinite(pitch).any())
             planted: Mask = np.asarray((speed < _PLANTED) & low & np.isfinite(pitch), dtype=np.bool_)
             if not self._begun and planted.any():
                 self._pitch[k] = float(np.median(pitch[planted]))
             elif planted[now]:
                 self._pitch[k] += (float(pitch[now]) - self._pitch[k]) / (PITCH_TIME * self._rate)
         self._begun = True
-        return self.reliability.precise and bool(np.abs(self._pitch).max() < MAX_FOOT_PITCH)
+        return there and bool(np.abs(self._pitch).max() < MAX_FOOT_PITCH)
 
     def _without_missing(self, rotations: Array, now: int) -> Array:
         """Local rotations (M, 20, 4), the pelvis' relative to the heading; those of unseen nodes are held as

@@ -21,6 +21,10 @@ HUBER_THRESHOLD = 2.0  # expected deviations beyond which the loss is linear
 # Hz below which changes are free. A loop is a smooth series, so its corrections must be smooth. A motion kept
 # as recorded jitters, so its poses must be smooth, no matter how large a correction that requires.
 CORRECTION_CUTOFF, POSE_CUTOFF = 3.5, 8.0
+# Deviations by which the first step may change an unknown, and the share of it by which the next one may, and
+# so on: beyond that, the linearisation no longer holds, and steps would grow from one to the next. Only what
+# was not seen for seconds is that far from its place.
+LARGEST_STEP, NEXT_STEP = 8.0, 0.6
 # Frames solved together, and the overlap of windows, over which the effect of a correction fades.
 WINDOW, OVERLAP = 1500, 60
 
@@ -50,7 +54,7 @@ def gauss_newton(
     share, jitter = (np.zeros(n), np.zeros((frames, n))) if root_smoothing is None else root_smoothing
     root_stiffness = _stiffness(CORRECTION_CUTOFF, rate) * share / deviation**2
     at = np.arange(n)
-    for _ in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
+    for iteration in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
         if before_step is not None:
             before_step(x)
         step = np.empty_like(x)
@@ -64,7 +68,9 @@ def gauss_newton(
             right += prior * now + adjoint(bend, cyclic=cyclic)
             solution = solve_blocks(square, stiffness + root_stiffness, -right, cyclic=cyclic)
             step[core] = solution[core.start - window.start : core.stop - window.start]
-        x += step
+        # The direction of a frame's step stays the same.
+        size = np.abs(step / deviation).max(axis=1, keepdims=True)
+        x += step / np.maximum(1.0, size / (LARGEST_STEP * NEXT_STEP**iteration))
     return x
 
 

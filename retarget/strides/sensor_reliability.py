@@ -128,13 +128,16 @@ def _pelvis_pitch(strides: PooledFrames, lean: float) -> float:
     return float(np.clip(-MAX_EXTENSION - min(back), lean, lean + MAX_PITCH_FROM_TRUNK))
 
 
-def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
-    """World frames (M, 20, 4) of nodes at positions (M, 20, 3) along +X, neutral where unreliable."""
+def reliable_frames(positions: Array, reliability: SensorReliability, heading: Array | float = 0.0) -> Array:
+    """World frames (M, 20, 4) of nodes at positions (M, 20, 3), neutral where unreliable.
+
+    heading: radians from +X, (M,) or one for all. A neutral pelvis or trunk is along +X.
+    """
     pelvis, torso = (
         np.broadcast_to(from_axis_angle("Y", angle), (len(positions), 4))
         for angle in (reliability.pitch, reliability.lean)
     )
-    points = positions if reliability.precise else knees_in_sagittal_plane(positions)
+    points = positions if reliability.precise else knees_in_sagittal_plane(positions, heading)
     frames = node_frames(
         points, pelvis=None if reliability.pelvis else pelvis, torso=None if reliability.torso else torso
     )
@@ -147,16 +150,18 @@ def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
     return frames
 
 
-def knees_in_sagittal_plane(positions: Array) -> Array:
-    """Positions (M, 20, 3) along +X with each knee moved sideways into the plane of hip, ankle and heading.
+def knees_in_sagittal_plane(positions: Array, heading: Array | float = 0.0) -> Array:
+    """Positions (M, 20, 3) with each knee moved sideways into the plane of hip, ankle and heading, which is
+    (M,) or one for all, radians from +X.
 
     The twist of a nearly straight leg is observable only at centimetre accuracy; otherwise it is noise of 30
     degrees, which would swing the feet.
     """
     out = positions.copy()
+    ahead = np.stack(np.broadcast_arrays(np.cos(heading), np.sin(heading), 0.0), axis=-1)
     for side in SIDES:
         hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
-        normal = np.cross(ankle - hip, np.array([1.0, 0.0, 0.0]))
+        normal = np.cross(ankle - hip, ahead)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         aside = np.sum((knee - hip) * normal, axis=-1, keepdims=True)
         out[:, N[f"knee_{side}"]] = knee - aside * normal

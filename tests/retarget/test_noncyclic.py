@@ -10,13 +10,16 @@ import pytest
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES, node_skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.retarget.feet.balance import LARGEST_LEAN
 from kinemimic.retarget.feet.contact import sole_positions
+from kinemimic.retarget.humanoid.body import node_offsets
 from kinemimic.retarget.humanoid.limits import beyond_limits
-from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles, node_kinematics
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
 from kinemimic.retarget.motion_warnings import held_feet_warnings, lean_warnings
@@ -179,3 +182,44 @@ def test_a_leg_that_is_never_seen_is_named() -> None:
     positions[1:, N["knee_left"]] = np.nan
     with pytest.raises(KinemimicError, match="both legs in at least 2 frames, found knee_left in 1 of 90;"):
         _require_legs(positions)
+
+
+def squats(noise: float, frames: int = 120) -> Clip:
+    """Squats of 60° in 2 s each, of a person as a depth sensor sees them: node positions with noise, m."""
+    knee = np.radians(30.0) * (1.0 - np.cos(np.pi * np.arange(frames) / 30.0))
+    rotations = np.tile(IDENTITY, (frames, len(NODES), 1))
+    for side in SIDES:
+        for joint, share in (("hip", -0.5), ("knee", 1.0), ("ankle", -0.5)):
+            rotations[:, N[f"{joint}_{side}"]] = from_axis_angle("Y", share * knee)
+    root = np.zeros((frames, 3))
+    root[:, 2] = 0.1 + 0.8 * np.cos(0.5 * knee)
+    positions = node_kinematics(root, rotations, node_offsets())[0]
+    positions += noise * np.random.default_rng(0).standard_normal(positions.shape)
+    states = np.full(positions.shape[:2], 2, np.uint8)
+    return Clip(node_skeleton(), np.arange(frames) / 30.0, positions, states, np.zeros(frames, np.int32), {})
+
+
+@pytest.mark.parametrize("turned", [0.0, 60.0, 90.0, 180.0])
+def test_a_knee_bends_as_far_whichever_way_the_person_faces(turned: float) -> None:
+    """After a step to the side, or a turn, the person does not face along +X of the excerpt."""
+    clip = squats(noise=0.02)
+    excerpt = excerpt_of_pass(clip, 0)
+    about = from_axis_angle("Z", np.radians(turned))
+    there = replace(excerpt, positions=rotate(about, excerpt.positions))
+    for side in SIDES:
+        bent = np.degrees(joint_angles(fit_noncyclic(clip, there).motion.rotations)[f"knee_{side}"])
+        assert np.percentile(bent, 95) == pytest.approx(60.0, abs=6.0)
+
+
+def test_a_leg_that_is_not_seen_for_seconds_leaves_the_other_as_recorded() -> None:
+    """Steps of the refinement as large as its linearisation asks for would grow from one to the next."""
+    clip = squats(noise=0.012, frames=600)
+    excerpt = excerpt_of_pass(clip, 0)
+    positions = excerpt.positions.copy()
+    for joint in ("knee", "ankle", "foot"):
+        positions[50:550, N[f"{joint}_left"]] = np.nan
+    fit = fit_noncyclic(clip, replace(excerpt, positions=positions))
+    angles = joint_angles(refine(fit.motion, fit.seen).rotations)
+    # It bends by 60°. Without the bound of the steps, it turned by up to 179°, its hip by 171°.
+    assert np.degrees(np.abs(angles["knee_right"])).max() < 110.0
+    assert np.degrees(np.abs(angles["hip_right"])).max() < 110.0

@@ -50,8 +50,9 @@ _RUNNING_TOE = _Rolling(
 # In running the rear foot has left the ground when the feet are farthest apart: its ankle is then this share
 # of the leg above the other. Measured: walking 0.02 to 0.08, running 0.2 to 0.4.
 RUNNING_LIFT = 0.14
-# Steps as quick as these (s of a stride) are a runner's from a lower lift on.
-QUICK_STRIDE, QUICK_LIFT = 0.82, 0.08
+# Steps as quick as these (s of a stride) are a runner's from a lower lift on. Legs shorter than an adult's
+# (m) swing faster in walking too, as pendulums do.
+QUICK_STRIDE, QUICK_LIFT, ADULT_LEG = 0.82, 0.08, 0.75
 FEET_ERROR = 0.08  # of the speed of single strides by the feet
 _SMOOTHING = 0.03  # s, of the velocity
 
@@ -146,7 +147,8 @@ def is_running_pose(pose: Array, phase: Array, rate: float) -> bool:
         + np.linalg.norm(pose[:, N["knee_left"]] - pose[:, N["ankle_left"]], axis=-1)
     )
     stride = len(phase) / rate / max(float(np.ptp(phase)), 1e-9)
-    least = QUICK_LIFT if stride < QUICK_STRIDE else RUNNING_LIFT
+    quick = QUICK_STRIDE * np.sqrt(min(1.0, leg / ADULT_LEG))
+    least = QUICK_LIFT if stride < quick else RUNNING_LIFT
     return bool(np.median(both) > least * leg)
 
 

@@ -17,6 +17,9 @@ ARM_TOLERANCE = np.radians(25.0)
 # relative to the body).
 MIN_JUMP_RATIO = 5.0
 MIN_JUMP = 0.10
+# Until then the joints' usual step is at most this share of that after it: who walks with the arms out, and
+# whose clock or sides jump, holds no pose.
+MAX_STEP_SHARE = 0.5
 FEWEST_FRAMES = 8
 
 
@@ -33,6 +36,8 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     lead = int(np.argmax(step[:leading])) + 1
     motion = step[lead:]
     if not len(motion) or step[lead - 1] < max(MIN_JUMP, MIN_JUMP_RATIO * float(np.median(motion))):
+        return clip, []
+    if lead > 1 and np.median(step[: lead - 1]) > MAX_STEP_SHARE * float(np.median(motion)):
         return clip, []
     frames = "frame 0 is a T-pose" if lead == 1 else f"frames 0 to {lead - 1} are a T-pose"
     text = f"{frames}, dropped: the joints then jump by {step[lead - 1]:.2f} m on average"

@@ -17,6 +17,8 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 # (seconds) of recorders that write milliseconds.
 STEP_TOLERANCE = 0.2
 ROUNDING = 0.002
+# Of the median step: a nominal one is longer. Some recorders write a repeated time a microsecond later.
+LEAST_SHARE = 0.1
 # The clock is irregular if more than this share of the steps is uneven, or more than this share skips frames.
 MAX_UNEVEN_SHARE = 0.02
 MAX_SKIPPING_SHARE = 0.25
@@ -75,6 +77,8 @@ def _usual(steps: Array) -> float:
     if len(shorter) < 0.05 * len(steps):
         return middle
     least = float(np.median(shorter))
+    if least < LEAST_SHARE * middle:
+        return middle
     return least if _explained(steps, least) > _explained(steps, middle) + MAX_UNEVEN_SHARE else middle
 
 

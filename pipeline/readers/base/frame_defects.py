@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -31,28 +32,51 @@ _SECOND_RECORDING = 10
 
 
 def increasing_times(clock: Array) -> tuple[Mask, list[Defect]]:
-    """Mask of the frames that are later than all before them, and a defect that counts the others, which are
-    dropped.
+    """Mask of frames whose times increase, and a defect that counts the others, which are dropped.
 
-    clock: (T,) finite times or frame numbers as in the file. Occasional repeated times are repaired. If the
+    clock: (T,) finite times or frame numbers as in the file. Kept are the frames that are later than all
+    before them, or others if these are more: after a single time far too late, nothing would be later. If the
     clock jumps back and runs on, dropping those lines loses a whole recording: that is flagged.
     """
     later = clock > np.concatenate([[-np.inf], np.maximum.accumulate(clock)[:-1]])
-    count = int((~later).sum())
+    longest = later if later.all() else _longest_increasing(clock)
+    kept = longest if longest.sum() > later.sum() else later
+    count = int((~kept).sum())
     if not count:
-        return later, []
+        return kept, []
     text = f"{plural(count, 'line')} with a time that is not later than before, dropped"
-    run = _longest_late_run(clock, later)
+    run = _longest_dropped_run(clock, kept)
     if run < _SECOND_RECORDING:
-        return later, [Defect("duplicate_frames", count, "frames", "repaired", text)]
-    text += f"; {run} of them are consecutive with increasing times: two recordings joined in "
-    text += "one file, or a single time far too late?"
-    return later, [Defect("duplicate_frames", count, "frames", "flagged", text)]
+        return kept, [Defect("duplicate_frames", count, "frames", "repaired", text)]
+    text += f"; {run} of them are consecutive with increasing times: two recordings joined in one file?"
+    return kept, [Defect("duplicate_frames", count, "frames", "flagged", text)]
 
 
-def _longest_late_run(clock: Array, later: Mask) -> int:
-    """Length of the longest run of lines that are late, but each later than the previous one."""
-    running = np.concatenate([[False], ~later[1:] & ~later[:-1] & (clock[1:] > clock[:-1])])
+def _longest_increasing(clock: Array) -> Mask:
+    """Mask (T,) of a longest strictly increasing subsequence (Fredman 1975, On computing the length of
+    longest increasing subsequences)."""
+    kept = np.zeros(len(clock), dtype=np.bool_)
+    ends: list[float] = []  # the smallest last time of an increasing subsequence of each length
+    places: list[int] = []  # where that is
+    before = np.full(len(clock), -1)
+    for index, time in enumerate(clock.tolist()):
+        length = bisect_left(ends, time)
+        before[index] = places[length - 1] if length else -1
+        if length == len(ends):
+            ends.append(time)
+            places.append(index)
+        elif time < ends[length]:
+            ends[length], places[length] = time, index
+    index = places[-1] if places else -1
+    while index >= 0:
+        kept[index] = True
+        index = before[index]
+    return kept
+
+
+def _longest_dropped_run(clock: Array, kept: Mask) -> int:
+    """Length of the longest run of dropped lines, each later than the previous one."""
+    running = np.concatenate([[False], ~kept[1:] & ~kept[:-1] & (clock[1:] > clock[:-1])])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], running, [False]]).astype(np.int8)))
     return 1 + int((edges[1::2] - edges[::2]).max(initial=0))
 

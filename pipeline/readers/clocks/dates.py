@@ -1,4 +1,4 @@
-"""Times that a table writes as dates (ISO 8601) or as times of day (10:11:12.033)."""
+"""Times that a table writes as dates (ISO 8601, 5.3.2024, 3/5/2024) or as times of day (10:11:12.033)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 
 DATES = "a date and time (ISO 8601), or a time of day as 10:11:12.033"
-_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)")
-_DAY = 86_400.0
+# A time of day, also after a date in another order than ISO's, or with its milliseconds after a colon.
+_TIME_OF_DAY = re.compile(
+    r"(?:\d{1,2}[./-]\d{1,2}[./-]\d{4},?\s+)?(\d{1,2}):(\d\d):(\d\d)(?:[.,:](\d+))?\s*([AaPp]\.?[Mm]\.?)?"
+)
+_DAY, _HALF_DAY, _HOUR = 86_400.0, 43_200.0, 3_600.0
 
 
 def seconds_of_dates(cells: Iterable[str]) -> Iterator[float]:
     """The seconds of each cell, NaN for one that is neither a date with a time nor a time of day.
 
-    Dates: since 1970, UTC unless the zone is stated. Times of day: since the first midnight; after the next
-    one they run on.
+    ISO dates: since 1970, UTC unless the zone is stated. Times of day, and dates in another order, whose day
+    may be the month: since the first midnight; after the next one they run on, as a clock of 12 hours does
+    after one o'clock.
     """
     midnight = previous = 0.0
     for cell in cells:
@@ -23,11 +27,15 @@ def seconds_of_dates(cells: Iterable[str]) -> Iterator[float]:
         if found is None:
             yield _seconds_of_date(cell.strip())
             continue
-        hours, minutes, seconds = found[1], found[2], found[3].replace(",", ".")
-        time = midnight + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
-        if time < previous - 0.5 * _DAY:
-            midnight += _DAY
-            time += _DAY
+        hours, minutes, seconds, fraction, half = found.groups()
+        hour = int(hours) if half is None else int(hours) % 12 + 12 * (half[0] in "Pp")
+        time = midnight + 3600.0 * hour + 60.0 * int(minutes) + float(f"{seconds}.{fraction or 0}")
+        late = previous - time
+        if late > _HALF_DAY - _HOUR:
+            # Midnight; or, of a clock of 12 hours, one o'clock.
+            turn = _DAY if half is not None or late > _HALF_DAY + _HOUR else _HALF_DAY
+            midnight += turn
+            time += turn
         previous = time
         yield time
 

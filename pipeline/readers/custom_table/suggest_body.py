@@ -13,13 +13,11 @@ from kinemimic.pipeline.kinematics.joint_names import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.quality.rules.mirrored_body import MIN_MIRRORED_SHARE
-from kinemimic.pipeline.readers.clocks.clock import named_unit, says_time
+from kinemimic.pipeline.readers.clocks.clock import STEPS, named_unit, says_time
 from kinemimic.pipeline.readers.clocks.video_clock import is_frame_number
 from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS
 
-# A recorder's usual step in seconds, and the steps for which a unit of time is plausible.
-_USUAL_STEP = 1.0 / 30.0
-_PLAUSIBLE_STEPS = (0.004, 0.2)
+_USUAL_STEP = 1.0 / 30.0  # of a recorder, seconds
 # Largest step of numbers that count frames, and are not called so.
 _FRAME_STEP = 7
 # A unit in a column's name -> a key of SECONDS.
@@ -172,9 +170,7 @@ def time_unit(times: Array, name: str) -> tuple[str, float] | None:
     if whole_numbers and (is_frame_number(name) or (step <= _FRAME_STEP and not says_time(name))):
         return "frame", 0.0
     stated = _STATED.get(named_unit(name) or "")
-    fitting = [
-        u for u in SECONDS if u != "frame" and _PLAUSIBLE_STEPS[0] <= step * SECONDS[u] <= _PLAUSIBLE_STEPS[1]
-    ]
+    fitting = [u for u in SECONDS if u != "frame" and STEPS[0] <= step * SECONDS[u] <= STEPS[1]]
     if not fitting:
         return ("frame", 0.0) if whole_numbers and step <= _FRAME_STEP else None
     best = (

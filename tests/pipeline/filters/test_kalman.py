@@ -270,3 +270,15 @@ def test_a_filled_gap_is_not_overruled() -> None:
     assert smoothed(noisy, unknown=unknown).overruled[60, 0]
     unknown[60] = True
     assert not smoothed(noisy, unknown=unknown).overruled.any()
+
+
+@pytest.mark.parametrize("late", [1e-9, 1e-6, 1e-3])
+def test_stamps_that_nearly_coincide_do_not_throw_the_path(late: float) -> None:
+    """As of recorders that write a repeated time a little later."""
+    times = np.arange(300) / 30.0
+    stamps = times.copy()
+    stamps[5::10] = stamps[4:-1:10] + late
+    path = walk(300)
+    noisy = path + 0.005 * np.random.default_rng(0).standard_normal(path.shape)
+    found = smoothed(noisy, times=stamps).values
+    assert np.abs(found - path).max() < 0.15

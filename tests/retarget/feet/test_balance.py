@@ -128,3 +128,13 @@ def test_a_short_part_of_a_walk_is_not_standing() -> None:
     walking = root + 0.4 * np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], FRAMES)
     assert upright(rotations, walking, contacts, 60.0)[2] == 0.0
     assert upright(rotations, walking, contacts, 10.0)[2] > 0.0
+
+
+@pytest.mark.parametrize("degrees", [-90.0, 90.0, 180.0])
+def test_a_body_that_lies_or_is_on_its_hands_does_not_lean(degrees: float) -> None:
+    rotations, root = leaning(np.radians(degrees))
+    contacts = np.ones((FRAMES, 2), dtype=np.bool_)
+    turned, path, lean = upright(rotations, root, contacts)
+    assert lean == 0.0
+    assert turned is rotations
+    assert path is root

@@ -14,8 +14,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.live.capture import LiveCapture
 from kinemimic.pipeline.live.frame import frame_of
+from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.humanoid.surface import lowest_points
@@ -135,6 +137,22 @@ def test_a_joint_of_the_trunk_that_is_never_seen_does_not_turn_the_body(missing:
     assert len(yaw) > 60
     assert np.abs(np.diff(yaw)).max() < np.radians(5.0)
     assert np.ptp(yaw) < np.radians(25.0)
+
+
+def test_feet_that_a_precise_sensor_does_not_have_are_those_of_its_gait() -> None:
+    """Without toes, soles in stance would take the shanks' pitch."""
+    positions = CLIP.positions.copy()
+    for side in SIDES:
+        positions[:, N[f"foot_{side}"]] = np.nan
+    _, frames = follow_positions(TIMES, positions)
+    shown = [one for _, one in frames if one.presence >= 1.0]
+    assert len(shown) > 60
+    rotations, root = (np.array([getattr(one, name) for one in shown]) for name in ("rotations", "root"))
+    corners = sole_positions(*body_kinematics(rotations, root))[..., 2]
+    # The lower foot of each moment, from its highest to its lowest corner, over 16 cm.
+    lower = corners.min(axis=2).argmin(axis=1)
+    slope = np.ptp(corners[np.arange(len(corners)), lower], axis=1) / 0.16
+    assert np.degrees(np.mean(np.arcsin(np.minimum(slope, 1.0)))) < 8.0
 
 
 def test_somebody_else_who_stands_elsewhere_is_no_walk() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.strides.loop import pool_strides
@@ -66,6 +67,9 @@ def test_knees_are_moved_into_the_plane_of_hip_ankle_and_heading():
     normal = np.cross(ankle - hip, [1.0, 0, 0])
     assert np.sum(normal * (knee - hip), axis=-1) == pytest.approx(np.zeros(5), abs=1e-12)
     assert moved[:, N["hip_left"]] == pytest.approx(p[:, N["hip_left"]])
+    heading = np.linspace(-3.0, 3.0, 5)
+    turn = from_axis_angle("Z", heading)[:, None]
+    assert knees_in_sagittal_plane(rotate(turn, p), heading) == pytest.approx(rotate(turn, moved), abs=1e-12)
 
 
 def test_a_trunk_that_leans_back_does_not_extend_the_hips_beyond_their_range(walker):

@@ -164,3 +164,14 @@ def test_the_belt_speed_of_a_real_treadmill_agrees_with_markers(captures, tmp_pa
     found = bouts_of(on_nodes(read_converted(tmp_path)))
     assert found and all(one.path.source == "feet" for one in found)
     assert max(found, key=lambda one: one.cycles).speed == pytest.approx(speed, rel=0.05)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.75, 0.6])
+def test_a_child_who_walks_briskly_does_not_run(size: float) -> None:
+    """Dynamically similar: the time scales with the root of the size, as a pendulum's."""
+    clip = cmu("07_12")
+    begin = clip.times[0]
+    child = replace(clip, times=begin + np.sqrt(size) * (clip.times - begin), positions=size * clip.positions)
+    found = bouts_of(child)
+    assert found
+    assert not any(bout.running for bout in found)

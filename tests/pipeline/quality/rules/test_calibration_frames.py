@@ -53,3 +53,15 @@ def test_arms_held_out_during_the_motion_are_no_calibration(moving: Moving) -> N
         + (t_pose(clip) - clip.positions[0]) * np.isin(np.arange(20), [5, 6, 7, 9, 10, 11])[:, None]
     )
     assert calibration_frames.repair(replace(clip, positions=held))[1] == []
+
+
+def test_a_walk_with_the_arms_out_whose_sides_jump_is_no_calibration(moving: Moving) -> None:
+    """As in a tandem walk: all frames are a walk, and the jump is another defect."""
+    clip = moving(300, noise=0.004)
+    out = clip.positions.copy()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for k, joint in enumerate(("elbow", "wrist", "hand"), start=1):
+            out[:, N[f"{joint}_{side}"]] = out[:, N[f"shoulder_{side}"]] + [0.0, 0.27 * sign * k, 0.0]
+    assert calibration_frames.repair(replace(clip, positions=out))[1] == []
+    out[200] *= 0.5
+    assert calibration_frames.repair(replace(clip, positions=out))[1] == []

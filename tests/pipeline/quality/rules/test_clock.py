@@ -56,3 +56,13 @@ def test_a_step_between_passes_is_none(moving: Moving) -> None:
     times = clip.times + np.where(np.arange(120) >= 60, 0.7, 0.0)
     passes = np.repeat(np.array([0, 1], dtype=np.int32), 60)
     assert clock.detect(replace(clip, times=times, passes=passes)) == []
+
+
+def test_stamps_that_nearly_coincide_are_no_faster_clock(moving: Moving) -> None:
+    """As of recorders that write a repeated time a microsecond later."""
+    clip = moving(300)
+    times = clip.times.copy()
+    times[5::10] = times[4:-1:10] + 1e-6
+    found = {defect.rule: defect for defect in clock.detect(replace(clip, times=times))}
+    assert found["irregular_clock"].count >= 30
+    assert "dropped_frames" not in found or found["dropped_frames"].count <= 60

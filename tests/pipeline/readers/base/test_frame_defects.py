@@ -21,14 +21,31 @@ def test_a_frame_counts_if_it_is_later_than_all_before_it() -> None:
 
 
 def test_a_clock_that_restarts_is_flagged() -> None:
-    # A second recording of 30 lines after the first; one time far too late has the same effect.
-    for clock in (np.tile(np.arange(30.0), 2), np.concatenate([np.arange(9.0), [1e9], np.arange(9.0, 39.0)])):
-        later, (defect,) = increasing_times(clock)
-        assert (defect.action, defect.count) == ("flagged", int((~later).sum()))
-        assert "30 of them are consecutive" in defect.text
+    # A second recording of 30 lines after the first.
+    later, (defect,) = increasing_times(np.tile(np.arange(30.0), 2))
+    assert later.tolist() == [True] * 30 + [False] * 30
+    assert (defect.action, defect.count) == ("flagged", 30)
+    assert "30 of them are consecutive" in defect.text
+    # Of two recordings, the longer one is kept.
+    later, (defect,) = increasing_times(np.concatenate([np.arange(20.0), np.arange(40.0)]))
+    assert int(later.sum()) == 40
+    assert defect.action == "flagged"
     # A time repeated thirty times is a stutter.
     later, (defect,) = increasing_times(np.repeat([1.0, 2.0], 30))
     assert (defect.action, defect.count, int(later.sum())) == ("repaired", 58, 2)
+
+
+@pytest.mark.parametrize("place", [0, 9, 38])
+def test_a_single_time_that_is_far_too_late_costs_its_own_line(place: int) -> None:
+    clock = np.arange(39.0)
+    clock[place] = 1e9
+    later, found = increasing_times(clock)
+    if place == 38:  # the last one is later than all before it
+        assert later.all()
+        assert found == []
+        return
+    assert np.flatnonzero(~later).tolist() == [place]
+    assert (found[0].count, found[0].action) == (1, "repaired")
 
 
 def test_empty_frames_are_named_as_runs() -> None:

@@ -21,6 +21,23 @@ def test_times_of_day_run_on_after_midnight() -> None:
     )
 
 
+def test_a_clock_of_twelve_hours_runs_on() -> None:
+    times = ["12:59:59.9", "01:00:00.0", "1:00:00.1", "12:59:59", "1:00:00"]
+    noon = 43_200.0
+    assert [*seconds_of_dates(times)] == pytest.approx(
+        [noon + 3599.9, noon + 3600.0, noon + 3600.1, 2 * noon + 3599.0, 2 * noon + 3600.0]
+    )
+    halves = ["11:59:59 AM", "12:00:00 PM", "1:00:00 p.m.", "11:59:59 PM", "12:00:00 AM"]
+    assert [*seconds_of_dates(halves)] == [noon - 1.0, noon, noon + 3600.0, 2 * noon - 1.0, 2 * noon]
+
+
+@pytest.mark.parametrize(
+    "text", ["10:11:12:066", "05/03/2024 10:11:12.066", "5.3.2024 10:11:12,066", "10:11:12.066 AM"]
+)
+def test_other_ways_to_write_a_time_of_day(text: str) -> None:
+    assert [*seconds_of_dates([text])] == [10 * 3600.0 + 11 * 60.0 + 12.066]
+
+
 def test_what_is_no_time() -> None:
     words = [
         "",
