@@ -64,7 +64,8 @@ _BODY_RULES = (
     wide_hips.repair,
     assumed_rate.repair,
 )
-_RULES_IN_PASSES = (swapped_limbs.repair, exchanged_legs.repair, seen_from_behind.repair, jumps.repair)
+# A person seen from behind first: where trunk and toes contradict the knees, the legs seem to be exchanged.
+_RULES_IN_PASSES = (swapped_limbs.repair, seen_from_behind.repair, exchanged_legs.repair, jumps.repair)
 _DETECTION_RULES = (
     limb_lengths.detect,
     turning_camera.detect,

@@ -119,6 +119,7 @@ def test_frames_keep_their_names_where_a_t_pose_is_dropped_and_the_clock_changed
             p[:2, NODES.index(f"{joint}_{side}")] = p[2, NODES.index(f"shoulder_{side}")] + [
                 0.0, 0.3 * k * sign, 0.0,
             ]  # fmt: skip
+    p[1] = p[0] + 0.001
     # Read at 15 Hz, at which nobody walks like this, of 30 that the file declares.
     doubt = {"assumed_rate": {"rate": 15.0, "declared": 30.0, "sensor": "Kinect"}}
     reading = {**clip.provenance["reading"], **doubt}

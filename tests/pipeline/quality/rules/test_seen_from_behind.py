@@ -12,6 +12,7 @@ import pytest
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.quality.passes import find_passes, with_passes
 from kinemimic.pipeline.quality.rules import seen_from_behind
 from kinemimic.pipeline.readers.recognise import read
@@ -73,3 +74,17 @@ def test_real_passes_from_behind(captures: Path) -> None:
         clip = read(captures / "kinect1_bernstein_skl" / f"{name}.skl")
         (found,) = seen_from_behind.repair(with_passes(clip, find_passes(clip)))[1]
         assert f"seen from behind in {passes}" in found.text
+
+
+@pytest.mark.parametrize("noise", [0.004, 0.008])
+def test_legs_seen_from_behind_do_not_seem_exchanged_in_parts(
+    moving: Moving, other_side: list[int], noise: float
+) -> None:
+    """Toes and trunk contradict the knees until the sides are put back."""
+    clip = moving(150, noise=noise)
+    behind = from_behind(clip, other_side)
+    reading = {"reading": {"defects": []}}
+    checked = check_capture(replace(behind, provenance={**behind.provenance, **reading}))
+    assert [defect.count for defect in checked.defects if defect.rule == "swapped_sides"] == [150]
+    ankle = N["ankle_left"]
+    assert np.array_equal(checked.clip.positions[:, ankle], clip.positions[:, ankle])
