@@ -13,6 +13,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -22,6 +23,7 @@ from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.column_names import words_of
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.clocks.clock import says_time
 from kinemimic.pipeline.readers.clocks.video_clock import RATE, Rate, rate_apart
 from kinemimic.pipeline.readers.custom_table.custom_table import clip_of
 from kinemimic.pipeline.readers.custom_table.description import Description
@@ -79,15 +81,18 @@ def clip_of_table(source: Source, format: Format, rate: Rate | None = None) -> C
     if alone is not source:  # whose rows have a clock of their own
         source, (sheet, layout) = alone, _layout(alone) or found
         description = parse(source.path, draft(source, sheet, layout))
+    unread = list[Defect]()
     if description.clock.counted:
-        rate = rate or rate_apart(source) or Rate(RATE)
+        stated = rate or rate_apart(source)
+        unread = [] if stated else _unread_times(sheet, description)
+        rate = stated or Rate(RATE)
         clock = msgspec.structs.replace(description.clock, rate=rate.hertz)
         description = replace(description, clock=clock)
     rows = rows_of(source, description, _DRAFT)
     record = reading(
         units=description.space.unit,
         units_rule="thigh and shank as long as a person's",
-        defects=[*rows.defects, *others, *_mirrored(description, len(rows.times))],
+        defects=[*rows.defects, *others, *unread, *_mirrored(description, len(rows.times))],
         notes=_notes(description, layout, rate),
         columns=sheet.width,
     )
@@ -130,6 +135,22 @@ def _is_certain(layout: Layout) -> bool:
         _SIDE.sub("", normalised(name)) for name in legs[half:]
     ]
     return whole and all(one.position for one in layout.columns) and layout.margin >= _MARGIN
+
+
+def _unread_times(sheet: Sheet, description: Description) -> list[Defect]:
+    """A defect if a column calls itself a time, changes, and has no times that the table could be read by."""
+    if description.clock.column is not None:
+        return []
+    for column, name in enumerate(sheet.names):
+        values = sheet.values[:, column]
+        found = set(sheet.words.get(column, values[np.isfinite(values)].tolist()))
+        if says_time(name) and len(found) > 1:
+            text = (
+                f"the times in the column {name[:40]!r} are not understood: {RATE:g} Hz assumed, unless "
+                "--rate says what it has"
+            )
+            return [Defect("wrong_rate", len(sheet.values), "frames", "flagged", text)]
+    return []
 
 
 def _mirrored(description: Description, frames: int) -> list[Defect]:

@@ -325,3 +325,20 @@ def test_a_damaged_row_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(table(["Time", *AXES], [*wide()[:-1], wide()[-1][:9]]))
     with pytest.raises(CaptureError, match=f"line {FRAMES + 1}: expected 61 columns, found 9"):
         recognise.read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    "times", [[f"{k} min" for k in range(FRAMES)], [float(k // 30) for k in range(FRAMES)]]
+)
+def test_times_that_are_not_understood_are_flagged(tmp_path: Path, times: Sequence[object]) -> None:
+    """Before, such a file was said to have no times."""
+    path = tmp_path / "walk.csv"
+    path.write_text(
+        table(["timestamp", *AXES], [[t, *row[1:]] for t, row in zip(times, wide(), strict=True)])
+    )
+    clip = recognise.read(path)
+    (found,) = (one for one in clip.provenance["reading"]["defects"] if one["rule"] == "wrong_rate")
+    assert found["action"] == "flagged"
+    assert "the times in the column 'timestamp' are not understood: 30 Hz assumed" in found["text"]
+    path.write_text(table(["timestamp", *AXES], [["", *row[1:]] for row in wide()]))
+    assert recognise.read(path).provenance["reading"]["defects"] == []
