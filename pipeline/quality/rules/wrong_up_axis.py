@@ -23,7 +23,7 @@ MAX_BEND = np.radians(35.0)
 # The most upright tenth of the straight frames is at least this far from +Z, and this close to another axis.
 MIN_TILT = np.radians(50.0)
 MAX_AXIS_ERROR = np.radians(30.0)
-# Metres. A standing body walks this far across its long axis, …
+# Metres. A standing body walks this far across its long axis, and farther than along it, …
 MIN_WALK = 1.0
 # … or swings both ankles this far to either side of the hips, which the floor prevents when lying, …
 MIN_ANKLE_SWING = 0.10
@@ -100,7 +100,8 @@ def rotated_clip(clip: Clip, turn: Array) -> Clip:
 def _stands(points: Array, up: Array) -> bool:
     """True if the body (T, 20, 3) moves as only a standing body can, if `up` (3,) is up."""
     hips = place(points, "hips")
-    if _travel(hips - np.outer(hips @ up, up)) > MIN_WALK:
+    across, along = _ways(hips, unit(between(points, "hips", "shoulders")))
+    if across > max(MIN_WALK, along):
         return True
     ankles = [points[:, NODE_INDEX[f"ankle_{side}"]] for side in SIDES]
     beside = [ankle - hips for ankle in ankles]
@@ -117,6 +118,17 @@ def _stands(points: Array, up: Array) -> bool:
     planted = max(_travel(ankle) for ankle in ankles)
     bends = [_travel(bend(points, side)[:, None]) for side in SIDES]
     return lowered > max(MIN_SQUAT_DEPTH, 2.0 * planted) and min(bends) > MIN_SQUAT_KNEE_RANGE
+
+
+def _ways(hips: Array, trunk: Array) -> tuple[float, float]:
+    """How far the hips (T, 3) come across the trunk's direction (T, 3) of each frame, and along it: who walks
+    comes across, who crawls along."""
+    seen = np.isfinite(hips).all(axis=-1) & np.isfinite(trunk).all(axis=-1)
+    if seen.sum() < 2:
+        return 0.0, 0.0
+    steps, direction = np.diff(hips[seen], axis=0), trunk[seen][1:]
+    along = np.sum(steps * direction, axis=-1, keepdims=True)
+    return _travel(np.cumsum(steps - along * direction, axis=0)), _travel(np.cumsum(along, axis=0))
 
 
 def _travel(places: Array) -> float:

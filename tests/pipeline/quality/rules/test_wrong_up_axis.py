@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from samples import source_of
 
+from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.orientation.from_positions import node_rotations
@@ -104,6 +105,27 @@ def test_a_real_lying_body_is_not_rotated(motion: str) -> None:
     clip = read_deepmimic(stock_motion(motion))
     same, found = wrong_up_axis.repair(clip)
     assert same is clip and [defect.action for defect in found] == (["flagged"] if motion == "crawl" else [])
+
+
+@pytest.mark.parametrize("heading", [0.0, 25.0, 65.0])
+def test_a_crawl_in_any_direction_is_not_rotated(heading: float) -> None:
+    """3 m, aslant to the axes of the file."""
+    once = on_nodes(read_deepmimic(stock_motion("crawl")))
+    way = (once.positions[-1, 0] - once.positions[0, 0]) * [1.0, 1.0, 0.0]
+    positions = np.concatenate([once.positions[:-1] + k * way for k in range(4)])
+    frames = len(positions)
+    clip = replace(
+        once,
+        times=np.arange(frames) / 60.0,
+        positions=rotate(from_axis_angle("Z", np.radians(heading)), positions),
+        states=np.full(positions.shape[:2], 2, np.uint8),
+        passes=np.zeros(frames, np.int32),
+        rotations=None,
+        angles=None,
+    )
+    same, found = wrong_up_axis.repair(clip)
+    assert same is clip
+    assert [defect.action for defect in found] == ["flagged"]
 
 
 def test_leg_raises_are_no_steps_and_a_squat_is_one(moving: Moving) -> None:
