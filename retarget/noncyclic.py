@@ -20,7 +20,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES, SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
-from kinemimic.pipeline.locomotion.path.heading import body_heading
+from kinemimic.pipeline.locomotion.path.heading import trunk_heading
 from kinemimic.retarget.cyclic import FRAME_RATE
 from kinemimic.retarget.feet.balance import EDGE, upright
 from kinemimic.retarget.feet.contact import (
@@ -180,14 +180,13 @@ def _motion_on_body(
 
 
 def _facing(positions: Array, times: Array, grid: Array) -> Array:
-    """Heading (M,) in radians at `times` (M,) of a body that need not walk along +X, nor face it; 0 without
-    hips, knees or ankles."""
+    """Heading (M,) in radians at `times` (M,) of a body that need not go along +X, nor face it."""
     filled = np.full((len(grid), *positions.shape[1:]), np.nan)
     for node in range(len(NODES)):
         seen = np.isfinite(positions[:, node]).all(axis=-1)
         if seen.any():
             filled[:, node] = _interpolate(grid, times[seen], positions[seen, node])
-    return np.nan_to_num(np.interp(times, grid, body_heading(filled, FRAME_RATE)[0]))
+    return np.interp(times, grid, trunk_heading(filled, FRAME_RATE))
 
 
 def _body_rotations(

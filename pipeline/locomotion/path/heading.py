@@ -43,6 +43,16 @@ def body_heading(positions: Array, rate: float) -> tuple[Array, Array]:
     return heading + rest, angle
 
 
+def trunk_heading(positions: Array, rate: float) -> Array:
+    """Heading (T,) in radians, unwrapped, of a body that need not stride: across the lines of its hips and
+    shoulders, of which those that are missing do not count. In a jumping jack the ankles part sideways.
+
+    positions: (T, 20, 3); rate: frames per second.
+    """
+    hips, shoulders = _trunk_fronts(positions)
+    return np.asarray(np.unwrap(np.angle(_smooth(hips + shoulders, FRONT_TIME * rate))))
+
+
 def _averaged_heading(positions: Array, rate: float) -> tuple[Array, Array]:
     """`body_heading` from one average of the line of the ankles and of the front."""
     front = _smooth(_front(positions), FRONT_TIME * rate)
@@ -72,10 +82,18 @@ def _front(positions: Array) -> Complex:
         thigh = knee - hip
         front += _plane(thigh - np.sum(thigh * leg, axis=-1, keepdims=True) * leg)
         front += _TOE_SHARE * np.nan_to_num(_plane(toe - ankle))
-    for joint in ("hip", "shoulder"):
-        left = _plane(positions[:, N[f"{joint}_left"]] - positions[:, N[f"{joint}_right"]])
-        front += _TRUNK_SHARE * np.nan_to_num(-1j * left)
+    for line in _trunk_fronts(positions):
+        front += _TRUNK_SHARE * line
     return front
+
+
+def _trunk_fronts(positions: Array) -> tuple[Complex, Complex]:
+    """Horizontal vectors (T,) across the lines of hips and shoulders, 0 where one is missing."""
+    hips, shoulders = (
+        np.nan_to_num(-1j * _plane(positions[:, N[f"{joint}_left"]] - positions[:, N[f"{joint}_right"]]))
+        for joint in ("hip", "shoulder")
+    )
+    return hips, shoulders
 
 
 def _plane(vectors: Array) -> Complex:

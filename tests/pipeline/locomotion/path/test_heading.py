@@ -9,8 +9,11 @@ import pytest
 from samples.walker import along, in_place, walker
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
-from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading, trunk_heading
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
 
 RATE = 60.0
 
@@ -77,3 +80,19 @@ def test_axes_that_turn_with_the_heading_have_x_ahead() -> None:
     vectors = np.array([[1.0, 0.0, 3.0], [0.0, 1.0, 3.0]])
     assert along_heading(vectors, heading) == pytest.approx(np.array([[1.0, 0.0, 3.0]] * 2), abs=1e-12)
     assert along_heading(vectors[:, None], heading)[:, 0] == pytest.approx(along_heading(vectors, heading))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 100.0, -170.0])
+def test_the_trunk_faces_ahead_also_where_the_ankles_part_sideways(degrees: float) -> None:
+    """A jumping jack, with hips that a sensor does not show."""
+    frames = 120
+    upright = body_kinematics(np.tile(IDENTITY, (1, 20, 1)), np.array([[0.0, 0.0, STANDING_HEIGHT]]))[0]
+    p = np.repeat(upright, frames, axis=0)
+    apart = 0.3 * np.sin(np.pi * np.arange(frames) / 30.0) ** 2
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for joint in ("ankle", "foot"):
+            p[:, N[f"{joint}_{side}"], 1] += sign * apart
+    turned = rotate(from_axis_angle("Z", np.radians(degrees)), p)
+    for missing in ((), ("hip_left",)):
+        turned[:, [N[node] for node in missing]] = np.nan
+        assert trunk_heading(turned, 30.0) == pytest.approx(np.full(frames, np.radians(degrees)), abs=1e-9)
