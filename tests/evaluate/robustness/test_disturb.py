@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from click.testing import CliRunner
 from peers.constant import constant
 from peers.crouch import crouching, write_idle_run
 
-from kinemimic.evaluate.robustness import scenario_trials
+from kinemimic.evaluate.robustness import disturb as module
 from kinemimic.evaluate.robustness.disturb import command, disturb
 from kinemimic.evaluate.robustness.scenario_trials import (
     ScenarioTask,
@@ -21,6 +22,7 @@ from kinemimic.evaluate.robustness.scenario_trials import (
     median_time,
     run_trials,
     summarize,
+    trial_tasks,
 )
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
@@ -155,7 +157,7 @@ def test_a_scenario_twice_is_the_same_file(run: Path, monkeypatch: pytest.Monkey
 
     once = written(1)
     assert written(1) == once
-    monkeypatch.setattr(scenario_trials, "TRIALS_PER_TASK", 3)
+    monkeypatch.setattr(module, "trial_tasks", partial(trial_tasks, per_task=3))
     assert written(2) == once
 
 

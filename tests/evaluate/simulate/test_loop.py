@@ -205,8 +205,13 @@ def test_ctrl_c_ends_the_recording_after_the_control_step(
         return seen_by(drag)
 
     monkeypatch.setattr(loop.session, "_frame", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        loop.run()
+    # A job that a shell put into the background has a SIGINT that is ignored.
+    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            loop.run()
+    finally:
+        signal.signal(signal.SIGINT, earlier)
     folder = tmp_path / "recordings" / "session-1"
     last = (folder / SESSION).read_text().splitlines()[-1]
     assert json.loads(last)["step"] == 5
