@@ -24,6 +24,7 @@ from kinemimic.retarget.strides.loop import PooledFrames, mean_rotation
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
 MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
 MAX_RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
+MIN_SLOPE = 0.5  # sine of the angle between a leg and the heading, from which both define a plane
 MAX_FOOT_PITCH = np.radians(20.0)  # of a foot in contact, from flat
 MAX_EXTENSION = np.radians(28.0)  # of a hip: the humanoid's limit of 30, with a margin
 MAX_PITCH_FROM_TRUNK = np.radians(15.0)
@@ -158,11 +159,22 @@ def knees_in_sagittal_plane(positions: Array, heading: Array | float = 0.0) -> A
     degrees, which would swing the feet.
     """
     out = positions.copy()
-    ahead = np.stack(np.broadcast_arrays(np.cos(heading), np.sin(heading), 0.0), axis=-1)
+    ahead, left = (
+        np.stack(np.broadcast_arrays(np.cos(turned), np.sin(turned), 0.0), axis=-1)
+        for turned in (heading, heading + 0.5 * np.pi)
+    )
     for side in SIDES:
         hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
-        normal = np.cross(ankle - hip, ahead)
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        leg = ankle - hip
+        length = np.linalg.norm(leg, axis=-1, keepdims=True)
+        normal = np.cross(leg, ahead)
+        size = np.linalg.norm(normal, axis=-1, keepdims=True)
+        # The leg of a person who lies is along the heading: the plane across the body's left then.
+        flat = size < MIN_SLOPE * length
+        level = leg / np.where(flat, length, 1.0)
+        across = left - np.sum(left * level, axis=-1, keepdims=True) * level
+        normal = np.where(flat, across, normal)
+        normal /= np.where(flat, np.linalg.norm(across, axis=-1, keepdims=True), size)
         aside = np.sum((knee - hip) * normal, axis=-1, keepdims=True)
         out[:, N[f"knee_{side}"]] = knee - aside * normal
     return out

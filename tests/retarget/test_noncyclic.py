@@ -223,3 +223,15 @@ def test_a_leg_that_is_not_seen_for_seconds_leaves_the_other_as_recorded() -> No
     # It bends by 60°. Without the bound of the steps, it turned by up to 179°, its hip by 171°.
     assert np.degrees(np.abs(angles["knee_right"])).max() < 110.0
     assert np.degrees(np.abs(angles["hip_right"])).max() < 110.0
+
+
+def test_a_knee_bends_as_far_in_a_person_who_lies() -> None:
+    """Legs along the heading define no plane with it."""
+    clip = squats(noise=0.01)
+    excerpt = excerpt_of_pass(clip, 0)
+    back = rotate(from_axis_angle("Y", -0.5 * np.pi), excerpt.positions)
+    motion = fit_noncyclic(clip, replace(excerpt, positions=back)).motion
+    expected = 30.0 * (1.0 - np.cos(np.pi * np.arange(len(motion.root)) / 60.0))
+    for side in SIDES:
+        bent = np.degrees(joint_angles(motion.rotations)[f"knee_{side}"])
+        assert np.sqrt(np.mean((bent - expected) ** 2)) < 8.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.arrays import Mask
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of, relative_to_body
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.vectors import unit
@@ -17,9 +17,9 @@ ARM_TOLERANCE = np.radians(25.0)
 # relative to the body).
 MIN_JUMP_RATIO = 5.0
 MIN_JUMP = 0.10
-# Until then the joints' usual step is at most this share of that after it: who walks with the arms out, and
-# whose clock or sides jump, holds no pose.
-MAX_STEP_SHARE = 0.5
+# Until then the joints move, within a quarter of a second, at most this share of what they move after it: who
+# walks with the arms out, and whose clock or sides jump, holds no pose. From frame to frame, noise is larger.
+MAX_SHARE, STILL_TIME = 0.5, 0.25
 FEWEST_FRAMES = 8
 
 
@@ -30,19 +30,27 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     held = _held_out(clip)
     if not held[0]:
         return clip, []
-    step = np.linalg.norm(relative_to_body(np.diff(clip.positions, axis=0)), axis=-1)
-    step = np.where(np.isfinite(step), step, 0.0).mean(axis=1)
+    step = _moved(clip.positions, 1)
     leading = len(held) if held.all() else int(np.argmin(held))
     lead = int(np.argmax(step[:leading])) + 1
     motion = step[lead:]
     if not len(motion) or step[lead - 1] < max(MIN_JUMP, MIN_JUMP_RATIO * float(np.median(motion))):
         return clip, []
-    if lead > 1 and np.median(step[: lead - 1]) > MAX_STEP_SHARE * float(np.median(motion)):
-        return clip, []
+    lag = min(lead - 1, len(motion), round(STILL_TIME / float(np.median(np.diff(clip.times)))))
+    if lag > 0:
+        held_still, moves = (np.median(_moved(part, lag)) for part in np.split(clip.positions, [lead]))
+        if held_still > MAX_SHARE * moves:
+            return clip, []
     frames = "frame 0 is a T-pose" if lead == 1 else f"frames 0 to {lead - 1} are a T-pose"
     text = f"{frames}, dropped: the joints then jump by {step[lead - 1]:.2f} m on average"
     rest = select_frames(clip, np.arange(len(clip.times)) >= lead)
     return rest, [Defect("calibration_frames", lead, "frames", "repaired", text)]
+
+
+def _moved(positions: Array, lag: int) -> Array:
+    """How far the joints (T, J, 3) move within `lag` frames, relative to the body: means (T - lag,), m."""
+    way = np.linalg.norm(relative_to_body(positions[lag:] - positions[:-lag]), axis=-1)
+    return np.where(np.isfinite(way), way, 0.0).mean(axis=1)
 
 
 def _held_out(clip: Clip) -> Mask:

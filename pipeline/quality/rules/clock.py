@@ -32,6 +32,8 @@ def detect(clip: Clip) -> list[Defect]:
         return []
     usual = _usual(steps[within])
     multiple = np.maximum(np.round(steps / usual), 1.0)
+    # The step after a stamp that nearly coincides with the one before makes up for it.
+    multiple[1:] -= (multiple[1:] > 1.0) & (steps[:-1] < LEAST_SHARE * usual) & within[:-1]
     uneven = within & (np.abs(steps - multiple * usual) > STEP_TOLERANCE * usual + ROUNDING)
     skipping = within & ~uneven & (multiple > 1)
     defects = []

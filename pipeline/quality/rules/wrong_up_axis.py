@@ -126,7 +126,8 @@ def _ways(hips: Array, trunk: Array) -> tuple[float, float]:
     seen = np.isfinite(hips).all(axis=-1) & np.isfinite(trunk).all(axis=-1)
     if seen.sum() < 2:
         return 0.0, 0.0
-    steps, direction = np.diff(hips[seen], axis=0), trunk[seen][1:]
+    # In the middle of each step: the hips' noise is in both, and would add up.
+    steps, direction = np.diff(hips[seen], axis=0), unit(trunk[seen][1:] + trunk[seen][:-1])
     along = np.sum(steps * direction, axis=-1, keepdims=True)
     return _travel(np.cumsum(steps - along * direction, axis=0)), _travel(np.cumsum(along, axis=0))
 

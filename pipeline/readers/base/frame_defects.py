@@ -35,12 +35,17 @@ def increasing_times(clock: Array) -> tuple[Mask, list[Defect]]:
     """Mask of frames whose times increase, and a defect that counts the others, which are dropped.
 
     clock: (T,) finite times or frame numbers as in the file. Kept are the frames that are later than all
-    before them, or others if these are more: after a single time far too late, nothing would be later. If the
-    clock jumps back and runs on, dropping those lines loses a whole recording: that is flagged.
+    before them, or more, if dropping a few others allows it: after a single time far too late, nothing would
+    be later. If the clock jumps back and runs on, dropping those lines loses a whole recording: that is
+    flagged.
     """
     later = clock > np.concatenate([[-np.inf], np.maximum.accumulate(clock)[:-1]])
-    longest = later if later.all() else _longest_increasing(clock)
-    kept = longest if longest.sum() > later.sum() else later
+    kept = later
+    if not later.all():
+        longest = _longest_increasing(clock)
+        # Not from the middle of one recording into that of another.
+        if longest.sum() > later.sum() and _longest_dropped_run(clock, longest) < _SECOND_RECORDING:
+            kept = longest
     count = int((~kept).sum())
     if not count:
         return kept, []

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 
 DATES = "a date and time (ISO 8601), or a time of day as 10:11:12.033"
-# A time of day, also after a date in another order than ISO's, or with its milliseconds after a colon.
+# A time of day, also after a date in another order than ISO's, or with its milliseconds after a colon, where
+# two digits would be the frame of a timecode.
 _TIME_OF_DAY = re.compile(
-    r"(?:\d{1,2}[./-]\d{1,2}[./-]\d{4},?\s+)?(\d{1,2}):(\d\d):(\d\d)(?:[.,:](\d+))?\s*([AaPp]\.?[Mm]\.?)?"
+    r"(\d{1,2}[./-]\d{1,2}[./-]\d{4},?\s+)?(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+)|:(\d{3}))?\s*([AaPp]\.?[Mm]\.?)?"
 )
-_DAY, _HALF_DAY, _HOUR = 86_400.0, 43_200.0, 3_600.0
+_DAY = 86_400.0
 
 
 def seconds_of_dates(cells: Iterable[str]) -> Iterator[float]:
@@ -22,21 +23,23 @@ def seconds_of_dates(cells: Iterable[str]) -> Iterator[float]:
     after one o'clock.
     """
     midnight = previous = 0.0
+    last_hour = 0
     for cell in cells:
         found = _TIME_OF_DAY.fullmatch(cell.strip())
         if found is None:
             yield _seconds_of_date(cell.strip())
             continue
-        hours, minutes, seconds, fraction, half = found.groups()
+        date, hours, minutes, seconds, fraction, thousandths, half = found.groups()
         hour = int(hours) if half is None else int(hours) % 12 + 12 * (half[0] in "Pp")
-        time = midnight + 3600.0 * hour + 60.0 * int(minutes) + float(f"{seconds}.{fraction or 0}")
-        late = previous - time
-        if late > _HALF_DAY - _HOUR:
-            # Midnight; or, of a clock of 12 hours, one o'clock.
-            turn = _DAY if half is not None or late > _HALF_DAY + _HOUR else _HALF_DAY
-            midnight += turn
-            time += turn
-        previous = time
+        digits = fraction or thousandths or "0"
+        time = midnight + 3600.0 * hour + 60.0 * int(minutes) + float(f"{seconds}.{digits}")
+        turn = 0.0
+        if time < previous - 0.5 * _DAY:
+            turn = _DAY
+        elif time < previous and (last_hour, hour) == (12, 1) and date is half is None:
+            turn = 0.5 * _DAY  # a clock of 12 hours
+        midnight, time = midnight + turn, time + turn
+        previous, last_hour = time, hour
         yield time
 
 

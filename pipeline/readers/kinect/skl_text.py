@@ -144,7 +144,7 @@ def frames_of(
         if number is not None and np.median(np.diff(table.values[:, number], prepend=0.0)[1:]) == 1.0:
             numbers = table.values[:, number]
             later, defects = increasing_times(numbers)
-            times = (numbers[later] - numbers[0]) / RATE
+            times = (numbers[later] - numbers[later][0]) / RATE
             notes = [f"no time in the file: times are frame numbers at {RATE:g} Hz"]
             return Frames(times, points[later], states[later], defects, notes, facts)
         notes = [f"no time in the file: {RATE:g} Hz"]

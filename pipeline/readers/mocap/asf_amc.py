@@ -191,7 +191,7 @@ def _rate(source: Source, keywords: Mapping[str, str]) -> tuple[float, str]:
 
 
 def _later(source: Source, numbers: Array) -> tuple[NDArray[np.bool_], list[Defect]]:
-    """The frames whose number is greater than all before."""
+    """The frames whose numbers increase."""
     if not numbers.max() <= _MAX_FRAME:
         raise source.error(expected="frame numbers of a recording", found=f"{numbers.max():g}")
     return increasing_times(numbers)

@@ -28,6 +28,17 @@ def t_pose(clip: Clip) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     return pose
 
 
+@pytest.mark.parametrize(("rate", "noise"), [(30.0, 0.012), (60.0, 0.006), (120.0, 0.004)])
+def test_a_held_pose_is_one_in_spite_of_the_noise(moving: Moving, rate: float, noise: float) -> None:
+    clip = moving(int(8 * rate), rate=rate, noise=noise)
+    broken = replace(clip, positions=clip.positions.copy())
+    held = int(1.3 * rate)
+    shake = noise * np.random.default_rng(1).standard_normal(broken.positions[:held].shape)
+    broken.positions[:held] = t_pose(clip) + shake
+    (found,) = calibration_frames.repair(broken)[1]
+    assert (found.count, found.action) == (held, "repaired")
+
+
 @pytest.mark.parametrize("frames", [1, 3, 40])
 def test_a_calibration_pose_is_dropped(moving: Moving, frames: int) -> None:
     clip = moving(90, noise=0.004)

@@ -65,4 +65,4 @@ def test_stamps_that_nearly_coincide_are_no_faster_clock(moving: Moving) -> None
     times[5::10] = times[4:-1:10] + 1e-6
     found = {defect.rule: defect for defect in clock.detect(replace(clip, times=times))}
     assert found["irregular_clock"].count >= 30
-    assert "dropped_frames" not in found or found["dropped_frames"].count <= 60
+    assert "dropped_frames" not in found

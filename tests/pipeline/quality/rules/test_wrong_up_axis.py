@@ -128,6 +128,23 @@ def test_a_crawl_in_any_direction_is_not_rotated(heading: float) -> None:
     assert [defect.action for defect in found] == ["flagged"]
 
 
+def test_the_noise_of_a_body_that_lies_is_no_walk(moving: Moving) -> None:
+    """Two minutes, in which it slides by 0.3 m."""
+    pose = rotate(from_axis_angle("Y", 0.5 * np.pi), moving(2).positions[0])
+    slide = np.linspace(0.0, 0.3, 3600)[:, None, None] * [1.0, 0.0, 0.0]
+    noise = 0.02 * np.random.default_rng(0).standard_normal((3600, 20, 3))
+    clip = replace(
+        moving(3600),
+        positions=pose + slide + noise,
+        rotations=None,
+        angles=None,
+        times=np.arange(3600) / 30.0,
+    )
+    same, found = wrong_up_axis.repair(clip)
+    assert same is clip
+    assert [defect.action for defect in found] == ["flagged"]
+
+
 def test_leg_raises_are_no_steps_and_a_squat_is_one(moving: Moving) -> None:
     """Legs of a lying body swing to one side of the trunk only; a squat lowers the hips over planted feet."""
     stands = moving(1).positions[0]

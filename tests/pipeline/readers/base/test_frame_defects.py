@@ -26,9 +26,10 @@ def test_a_clock_that_restarts_is_flagged() -> None:
     assert later.tolist() == [True] * 30 + [False] * 30
     assert (defect.action, defect.count) == ("flagged", 30)
     assert "30 of them are consecutive" in defect.text
-    # Of two recordings, the longer one is kept.
-    later, (defect,) = increasing_times(np.concatenate([np.arange(20.0), np.arange(40.0)]))
-    assert int(later.sum()) == 40
+    # The first recording is kept, also with a hole that the second would fill.
+    holed = np.delete(np.arange(60.0), [30, 31, 32])
+    later, (defect,) = increasing_times(np.concatenate([holed, np.arange(60.0)]))
+    assert later.tolist() == [True] * 57 + [False] * 60
     assert defect.action == "flagged"
     # A time repeated thirty times is a stutter.
     later, (defect,) = increasing_times(np.repeat([1.0, 2.0], 30))

@@ -31,6 +31,11 @@ def test_a_clock_of_twelve_hours_runs_on() -> None:
     assert [*seconds_of_dates(halves)] == [noon - 1.0, noon, noon + 3600.0, 2 * noon - 1.0, 2 * noon]
 
 
+def test_a_clock_of_24_hours_that_goes_back_is_none_of_twelve() -> None:
+    assert [*seconds_of_dates(["23:30:00", "11:15:00"])] == [84_600.0, 86_400.0 + 40_500.0]
+    assert [*seconds_of_dates(["22:00:00", "10:30:00"])] == [79_200.0, 37_800.0]
+
+
 @pytest.mark.parametrize(
     "text", ["10:11:12:066", "05/03/2024 10:11:12.066", "5.3.2024 10:11:12,066", "10:11:12.066 AM"]
 )
@@ -48,5 +53,7 @@ def test_what_is_no_time() -> None:
         "2024-13-03 10:11:12",
         "9999999-01-01T10:11:12",
         "1:2:3",
+        "10:11:12:22",  # a timecode
+        "10:11:12:1066",
     ]
     assert np.isnan([*seconds_of_dates(words)]).all()
