@@ -50,7 +50,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
 def _moved(positions: Array, lag: int) -> Array:
     """How far the joints (T, J, 3) move within `lag` frames, relative to the body: means (T - lag,), m."""
     way = np.linalg.norm(relative_to_body(positions[lag:] - positions[:-lag]), axis=-1)
-    return np.where(np.isfinite(way), way, 0.0).mean(axis=1)
+    return np.asarray(np.where(np.isfinite(way), way, 0.0).mean(axis=1))
 
 
 def _held_out(clip: Clip) -> Mask:
