@@ -24,7 +24,7 @@ from kinemimic.retarget.strides.loop import PooledFrames, mean_rotation
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
 MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
 MAX_RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
-MIN_SLOPE = 0.5  # sine of the angle between a leg and the heading, from which both define a plane
+MIN_SLOPE = 0.3  # sine of the angle between a leg and the heading, from which both define a plane
 MAX_FOOT_PITCH = np.radians(20.0)  # of a foot in contact, from flat
 MAX_EXTENSION = np.radians(28.0)  # of a hip: the humanoid's limit of 30, with a margin
 MAX_PITCH_FROM_TRUNK = np.radians(15.0)
