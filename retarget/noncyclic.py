@@ -171,7 +171,9 @@ def _motion_on_body(
     rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
     contacts = _recorded_contacts(positions, times, grid, scale, rigid)
     reliability = _reliability(positions, rigid, contacts[_nearest_frames(times, len(grid))], weights)
-    rotations = _body_rotations(positions, reliability, times, grid, _facing(positions, times, grid))
+    # Of a precise recording, the knees stay where they are.
+    heading = 0.0 if reliability.precise else _facing(positions, times, grid)
+    rotations = _body_rotations(positions, reliability, times, grid, heading)
     if not reliability.feet:
         rotations = flat_feet(rotations)
     root = scale * _hips(positions, times, grid)
@@ -182,7 +184,7 @@ def _motion_on_body(
 def _facing(positions: Array, times: Array, grid: Array) -> Array:
     """Heading (M,) in radians at `times` (M,) of a body that need not go along +X, nor face it."""
     filled = np.full((len(grid), *positions.shape[1:]), np.nan)
-    for node in range(len(NODES)):
+    for node in (N[f"{joint}_{side}"] for joint in ("hip", "shoulder") for side in SIDES):
         seen = np.isfinite(positions[:, node]).all(axis=-1)
         if seen.any():
             filled[:, node] = _interpolate(grid, times[seen], positions[seen, node])

@@ -117,7 +117,7 @@ def run_trials(task: ScenarioTask) -> list[Trials]:
     controls: dict[Hashable, tuple[Array, NDArray[np.int64]]] = {}
     found = []
     for scenario in task.scenarios:
-        seeds, phases = _starts(task, scenario)
+        seeds, phases = trial_starts(task.motion, scenario, task.seed, task.numbers)
         if scenario.route not in references:
             references[scenario.route] = reference_for(task.motion, scenario)
         reference, steps = references[scenario.route], trial_steps(task.motion, scenario)
@@ -128,12 +128,6 @@ def run_trials(task: ScenarioTask) -> list[Trials]:
         control, control_fallen_at = controls[key]
         found.append(Trials(phases, rewards, control[:, :steps], fallen_at, control_fallen_at < steps))
     return found
-
-
-def _starts(task: ScenarioTask, scenario: Scenario) -> tuple[NDArray[np.uint64], Array]:
-    """Seeds and phases of the task's trials of a scenario."""
-    starts = [trial_start(task.motion, scenario, task.seed, number) for number in task.numbers]
-    return np.array([seed for seed, _ in starts], dtype=np.uint64), np.array([phase for _, phase in starts])
 
 
 def run_all_trials(
@@ -166,6 +160,14 @@ def trial_start(motion: Motion, scenario: Scenario, seed: int, number: int) -> t
     # A separate stream of the trial's seed, whose main stream draws the events.
     phase = float(scenario.phase.draw(np.random.default_rng([own, 1]))[0])
     return own, phase if motion.cyclic else 0.0
+
+
+def trial_starts(
+    motion: Motion, scenario: Scenario, seed: int, numbers: Sequence[int]
+) -> tuple[NDArray[np.uint64], Array]:
+    """Seeds (N,) and phases (N,) of the trials with these numbers."""
+    starts = [trial_start(motion, scenario, seed, number) for number in numbers]
+    return np.array([own for own, _ in starts], dtype=np.uint64), np.array([phase for _, phase in starts])
 
 
 def trial_steps(motion: Motion, scenario: Scenario) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
-from kinemimic.evaluate.robustness.scenario_trials import trial_start, trial_steps
+from kinemimic.evaluate.robustness.scenario_trials import trial_starts, trial_steps
 from kinemimic.evaluate.scoring.metrics.scores import FIT_FRAMES, rollout_fits
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.pipeline.kinematics.angles import ANGLES
@@ -53,9 +53,7 @@ def walk_metrics(walks: Walks) -> list[dict[str, Any]]:
 def _walked(walks: Walks) -> Trajectory:
     """Walk k is trial k of `disturb` with that seed, continued after a fall."""
     motion, config = walks.trained.motion, walks.trained.config
-    starts = [trial_start(motion, walks.scenario, walks.seed, number) for number in range(walks.trials)]
-    seeds = np.array([seed for seed, _ in starts], dtype=np.uint64)
-    phases = np.array([phase for _, phase in starts])
+    seeds, phases = trial_starts(motion, walks.scenario, walks.seed, range(walks.trials))
     batch = ImitationBatch(
         open_world(walks.trials, walks.engine, measure_torques=True),
         reference_for(motion, walks.scenario),
