@@ -21,12 +21,13 @@ from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import OffPolicy, require_package
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.from_tracker import OBSTACLES
+from kinemimic.train.joined import joined
 from kinemimic.train.learning_control.corrector import Corrector
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.mlp import CPU
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
-from kinemimic.train.recovery.joining import join
 from kinemimic.train.recovery.learning import learn_recoveries
 from kinemimic.train.rollout.tracker_file import tracker_path
 from kinemimic.train.runner import checkpoint
@@ -61,6 +62,7 @@ def train(
     anyway: bool = False,
     scenario: Scenario | None = None,
     start: str | None = None,
+    teachers: Path | None = None,
     config: TrainConfig | None = None,
     ray: str | None = None,
     device: str = "cpu",
@@ -79,14 +81,14 @@ def train(
     If the gate (retarget/gate.py) refuses the motion, it is not trained on, unless `anyway` is set.
 
     minutes: training time of all calls together, after which training ends even if the budget is not used up,
-    without recoveries or joining.
+    without recoveries.
     workers: simulation processes, by default one per core; for a baseline, threads. They are spawned: call
     this function under `if __name__ == "__main__":` in your own script. engine: see `sim/engines.py`.
     Training may resume with another engine or number of workers, but is bit for bit the same only with the
     same ones.
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
     start: name of a shipped tracker, or folder of one, to start from, with the settings of
-    `config/from_tracker.py`.
+    `config/from_tracker.py`. teachers: folder of the policies with which the preset `obstacles` joins it.
     config: your own settings in place of `preset_name`, `seed` and `start`; `budget` and `scenario`, if
     given, replace those in it.
     ray: simulate on a Ray cluster: its address, or "local" to start Ray on this machine; by default one
@@ -110,6 +112,7 @@ def train(
             preset_name=preset_name,
             seed=seed,
             start=start,
+            teachers=teachers,
             config=config,
             budget=budget,
             scenario=scenario,
@@ -158,6 +161,10 @@ def _train(
     # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
     threads = min(count, local_cores())
     torch.set_num_threads(threads if config.baseline is None else 1)
+    if config.joining is not None:
+        if minutes is not None:
+            raise KinemimicError(f"--preset {OBSTACLES}: expected lessons of a fixed length, found --minutes")
+        return joined(run, motion, settings, threads, engine, timer, resume=resume)
     algorithm = _algorithm(config, motion, engine, count, device)
     if settings.initial is not None:
         assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
@@ -182,10 +189,6 @@ def _train(
         return policy.write(finished=True)
     if config.recovery is not None:
         taught = learn_recoveries(motion, best, config, run, workers=threads, engine=engine)
-    elif config.joining is not None:
-        if settings.initial is None:
-            raise KinemimicError("joining: expected a training with start, found a config of your own")
-        taught = join(motion, best, settings.initial, config, run, workers=threads, engine=engine)
     return policy.write(finished=True, taught=taught)
 
 
@@ -288,6 +291,7 @@ def command(
     resume: bool,
     anyway: bool,
     start: str | None,
+    teachers: str | None,
     named: str | None,
     profile: bool,
     as_json: bool,
@@ -312,6 +316,7 @@ def command(
         anyway=anyway,
         scenario=None if named is None else find_scenario(named),
         start=start,
+        teachers=None if teachers is None else Path(teachers),
         ray=ray,
     )
     if as_json:

@@ -28,11 +28,16 @@ training_options = option_group(
         "--preset robust adds pushes, --preset obstacles adds obstacles.",
     ),
     click.option(
+        "--teachers",
+        type=click.Path(file_okay=False),
+        help="With --preset obstacles: folder of policies that were trained among obstacles on this motion.",
+    ),
+    click.option(
         "--budget",
         type=samples,
         help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's; with --from "
         "tracker 280k or fewer, and up to 1M if the humanoid does not walk by then, or with --preset robust "
-        "4.75M, with --preset obstacles 12M; with --from standing 500k.",
+        "4.75M; with --from standing 500k. Not with --preset obstacles.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -14,6 +15,7 @@ from kinemimic.train.config.from_tracker import OBSTACLES, from_tracker
 from kinemimic.train.config.presets import preset
 from kinemimic.train.config.tracker import TRACKER
 from kinemimic.train.learning_control.corrector import correction_samples
+from kinemimic.train.recovery.teachers import Teachers, load_teachers
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.scenario.event_schedule import check
@@ -26,11 +28,13 @@ LEAST = 1_000_000  # samples: searches take longer than that, and would be for a
 
 @dataclass(frozen=True)
 class Settings:
-    """initial: the policy to start from, None for random weights; reserved: samples of a correction."""
+    """initial: the policy to start from, None for random weights; reserved: samples of a correction;
+    teachers: to join it with."""
 
     config: TrainConfig
     initial: Policy | None
     reserved: int
+    teachers: Teachers | None = None
 
 
 def settings_for(
@@ -43,11 +47,14 @@ def settings_for(
     budget: int | None = None,
     scenario: Scenario | None = None,
     report: Mapping[str, Any] | None = None,
+    teachers: Path | None = None,
 ) -> Settings:
     """Settings for a motion; arguments as in `command.train`. report: the motion's gait.json, if any.
 
+    teachers: folder of the policies to join it with.
+
     KinemimicError for a tracker that cannot be read or has learned no such motion, a budget below one sample,
-    and a scenario that does not suit the motion.
+    a scenario that does not suit the motion, and teachers that are missing or do not fit.
     """
     initial: Policy | None = None
     if start is not None:
@@ -59,11 +66,10 @@ def settings_for(
             )
     if config is None:
         config = from_random_weights(preset_name, seed)
-    if config.joining is not None and not motion.cyclic:
-        raise KinemimicError(
-            "--preset obstacles: expected a walk or run that repeats itself, found a motion that does not; "
-            "retarget without --as-recorded"
-        )
+    require_teachers(preset_name, teachers)
+    if config.joining is not None and teachers is not None:
+        _require_lessons(motion, budget, scenario)
+        return Settings(config, initial, 0, load_teachers(teachers, motion, config.env))
     if scenario is not None:
         config = replace(config, env=replace(config.env, scenario=scenario))
     if config.env.scenario is not None:
@@ -74,6 +80,30 @@ def settings_for(
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
     config, reserved = _with_learning_control(_with_recovery(config, motion), motion)
     return Settings(config, initial, reserved)
+
+
+def require_teachers(preset_name: str, teachers: Path | str | None) -> None:
+    """KinemimicError unless there are teachers for the preset `obstacles`, and for no other."""
+    if preset_name != OBSTACLES and teachers is not None:
+        raise KinemimicError(f"--teachers: expected --preset {OBSTACLES}, found {preset_name}")
+    if preset_name == OBSTACLES and teachers is None:
+        raise KinemimicError(
+            f"--preset {OBSTACLES}: expected --teachers, a folder of policies trained among obstacles, found "
+            "none; `kinemimic compare RUN@several-obstacles --preset td3 --seeds 3 --budgets 1e6` trains some"
+        )
+
+
+def _require_lessons(motion: Motion, budget: int | None, scenario: Scenario | None) -> None:
+    """KinemimicError for a motion and options that lessons cannot have."""
+    where = f"--preset {OBSTACLES}"
+    if not motion.cyclic:
+        raise KinemimicError(
+            f"{where}: expected a walk or run that repeats itself, found a motion that does not; "
+            "retarget without --as-recorded"
+        )
+    if budget is not None or scenario is not None:
+        found = "--budget" if scenario is None else "--scenario"
+        raise KinemimicError(f"{where}: expected lessons of a fixed length and task, found {found}")
 
 
 def from_start(name: str, preset_name: str, seed: int = 0) -> tuple[Policy, TrainConfig]:
@@ -110,8 +140,8 @@ def _with_learning_control(config: TrainConfig, motion: Motion) -> tuple[TrainCo
 
 
 def _with_recovery(config: TrainConfig, motion: Motion) -> TrainConfig:
-    """The configuration, without recoveries and joining on a motion that does not repeat itself, in a
-    scenario, and after a training of fewer than LEAST samples."""
+    """The configuration, without recoveries on a motion that does not repeat itself, in a scenario, and after
+    a training of fewer than LEAST samples."""
     if motion.cyclic and config.env.scenario is None and config.budget >= LEAST:
         return config
-    return replace(config, recovery=None, joining=None)
+    return replace(config, recovery=None)

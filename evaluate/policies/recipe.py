@@ -21,8 +21,8 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     """Motion and settings of a training run.
 
     stock: name of a motion in the pybullet wheel; recording: name of a recording in catalog.toml; with
-    neither, the virtual Kinect's walk. start: tracker to start from; with none, random weights. budget:
-    samples.
+    neither, the virtual Kinect's walk. start: tracker to start from; with none, random weights. teachers:
+    folder in datasets/ of the policies to join it with. budget: samples.
     """
 
     name: str
@@ -31,8 +31,15 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     budget: int
     seed: int
     start: str | None = None
+    teachers: str | None = None
     stock: str | None = None
     recording: str | None = None
+
+    @property
+    def teachers_folder(self) -> Path | None:
+        """Where the teachers are: only in the repository, to which the links of an editable install lead."""
+        datasets = (DATASETS / "catalog.toml").resolve().parent
+        return None if self.teachers is None else datasets / self.teachers
 
 
 class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):

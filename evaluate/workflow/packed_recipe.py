@@ -23,13 +23,15 @@ from kinemimic.pipeline.run_folder.record import RUN_FILE
 class PackedRecipe:
     """A recipe with what its training needs.
 
-    capture: name of its file, None for the virtual Kinect's; files: of the capture and beside it; run: of the
-    run folder, if there is one; engine: a resolved name from `train/sim/engines.py`.
+    capture: name of its file, None for the virtual Kinect's; files: of the capture and beside it; teachers:
+    of the recipe's, if it has any; run: of the run folder, if there is one; engine: a resolved name from
+    `train/sim/engines.py`.
     """
 
     recipe: Recipe
     capture: str | None
     files: PackedFiles
+    teachers: PackedFiles
     run: PackedFiles
     engine: str
 
@@ -43,10 +45,11 @@ class TrainedRecipe:
 
 
 def stage_options(
-    recipe: Recipe, engine: str | None, workers: int | None = None
+    recipe: Recipe, engine: str | None, workers: int | None = None, *, teachers: Path | None
 ) -> Mapping[str, Mapping[str, Any]]:
-    """The options of a recipe's stages, as `run` takes them."""
-    trained = {"preset": recipe.preset, "from": recipe.start, "budget": recipe.budget, "seed": recipe.seed}
+    """The options of a recipe's stages, as `run` takes them; teachers: folder of the recipe's."""
+    trained = {"preset": recipe.preset, "from": recipe.start, "seed": recipe.seed}
+    trained |= {"budget": recipe.budget} if teachers is None else {"teachers": str(teachers)}
     common = {"engine": engine, "workers": workers}
     return {"train": {**trained, **common}, "evaluate": common}
 
@@ -54,13 +57,17 @@ def stage_options(
 def train_packed(packed: PackedRecipe) -> TrainedRecipe:
     """Take a recipe through all stages in a temporary folder of this machine, on one core."""
     with TemporaryDirectory(prefix="kinemimic-") as place:
-        captures, folder = Path(place) / "in", Path(place) / "run"
+        captures, folder, teachers = (Path(place) / name for name in ("in", "run", "teachers"))
         write_files(captures, packed.files)
+        write_files(teachers, packed.teachers)
         write_files(folder, packed.run, last=lambda name: name == RUN_FILE)
         capture = None if packed.capture is None else captures / packed.capture
+        options = stage_options(
+            packed.recipe, packed.engine, workers=1, teachers=teachers if packed.teachers else None
+        )
         refused = None
         try:
-            run(capture, folder, options=stage_options(packed.recipe, packed.engine, workers=1), quiet=True)
+            run(capture, folder, options=options, quiet=True)
         except (KinemimicError, OSError) as error:
             refused = one_line(error)
         return TrainedRecipe(read_folder(folder) if folder.exists() else {}, refused)
@@ -82,6 +89,7 @@ def train_recipes_on(
                 recipe,
                 None if source is None else source.name,
                 {} if source is None else read_files(files_to_read(source)),
+                {} if recipe.teachers_folder is None else read_folder(recipe.teachers_folder),
                 read_folder(folder) if folder.exists() else {},
                 engine,
             )

@@ -158,7 +158,8 @@ def reproduce(
     for recipe, source in zip(wanted, sources, strict=True):
         if not quiet:
             echo(f"{recipe.name}: {recipe.description}", bold=True)
-        run_stages(source, runs / recipe.name, options=stage_options(recipe, engine), quiet=quiet)
+        options = stage_options(recipe, engine, teachers=recipe.teachers_folder)
+        run_stages(source, runs / recipe.name, options=options, quiet=quiet)
         made.append(publish(runs / recipe.name, recipe, into))
     return made
 

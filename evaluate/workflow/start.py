@@ -18,17 +18,19 @@ Options = Mapping[str, Mapping[str, Any]]
 
 def require_start(training: Mapping[str, Any], *, from_scratch: bool) -> None:
     """KinemimicError unless a training with these options of `train` can start."""
-    start, preset_name = training.get("from"), training.get("preset")
-    if start is None and preset_name in (None, *PRESETS):
+    start, preset_name, teachers = (training.get(name) for name in ("from", "preset", "teachers"))
+    if start is None and teachers is None and preset_name in (None, *PRESETS):
         return
     if start is not None and from_scratch:
         raise KinemimicError("--from-scratch: expected no --from, found both; leave out one")
-    from kinemimic.train.settings import from_random_weights, from_start  # noqa: PLC0415 (import cost)
+    # Import cost.
+    from kinemimic.train.settings import from_random_weights, from_start, require_teachers  # noqa: PLC0415
 
     if start is None:
-        from_random_weights(str(preset_name))
+        from_random_weights(preset_name or "default")
     else:
         from_start(start, preset_name or "default")
+    require_teachers(preset_name or "default", teachers)
 
 
 def without_training(

@@ -1,4 +1,4 @@
-"""A training among obstacles: to its end through joining, and interrupted."""
+"""A training that joins policies: to its end, and interrupted."""
 
 from __future__ import annotations
 
@@ -8,51 +8,48 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from peers.killing import without_clock
-from peers.small_training import ROUND
+from peers.teachers import write_teacher
 from peers.trackers import write_idle_tracker
-from safetensors.numpy import load_file
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import file_hash, read_json, write_text
-from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.pipeline.files.store import file_hash, write_text
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train import settings
-from kinemimic.train.config.from_tracker import from_tracker
+from kinemimic.train.config.from_tracker import BUDGETS, OBSTACLE_POLISH, from_tracker
 from kinemimic.train.config.joining import Joining
-from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.recovery import joining, learning
+from kinemimic.train.recovery.joining import lesson_samples
 from kinemimic.train.recovery.pupils_file import PUPILS
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.runner.checkpoint import CHECKPOINT
+from kinemimic.train.runner.closing_words import closing_words
 
-BUDGET = 3 * ROUND
+Train = Callable[[str], Any]
 
 
 @pytest.fixture
-def train(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Any]]:
-    """Trains in a folder of this name; rounds are small, and so are joining and its tests."""
-    quick = {
-        "num_envs": 4, "horizon": 16, "minibatch": 32, "epochs": 2, "strength": ((0, 1.0),),
-        "joining": Joining(rounds=2, humanoids=4),
-    }  # fmt: skip
-    monkeypatch.setattr(settings, "from_tracker", lambda *given: replace(from_tracker(*given), **quick))
-    monkeypatch.setattr(settings, "LEAST", BUDGET)
+def train(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Iterator[Train]:
+    """Trains in a folder of this name; lessons and tests are small."""
+    small = Joining(rounds=2, humanoids=4)
+    monkeypatch.setattr(settings, "from_tracker", lambda *given: replace(from_tracker(*given), joining=small))
+    monkeypatch.setattr(joining, "_AMONG_OBSTACLES", 20)
     monkeypatch.setattr(joining, "_TESTS", 4)
     monkeypatch.setattr(learning, "_TEST_FORCES", (100.0,))
     monkeypatch.setattr(learning, "_TEST_PHASES", 1)
     monkeypatch.setattr(joining, "parallel_map", lambda task, items, *, workers: [task(one) for one in items])
     tracker = write_idle_tracker(tmp_path / "tracker")
+    write_text(tmp_path / "motion.json", motion_to_json(motion))
+    written = read_motion_json(tmp_path / "motion.json")
+    teachers = write_teacher(tmp_path / "teachers" / "policy.safetensors", written, leans=0.05).parent
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
 
-    def trained(name: str) -> dict[str, Any]:
+    def trained(name: str, **options: Any) -> dict[str, Any]:
         write_text(tmp_path / name / "motion.json", motion_to_json(motion))
-        return stage.train(
-            tmp_path / name, start=str(tracker), preset_name="obstacles", budget=BUDGET, seed=1, workers=1
-        )
+        start = {"start": str(tracker), "teachers": teachers, "preset_name": "obstacles", "seed": 1}
+        return stage.train(tmp_path / name, **start, workers=1, **options)
 
     yield trained
     signal.signal(signal.SIGINT, earlier)
@@ -70,51 +67,47 @@ def interrupted(patched: pytest.MonkeyPatch, owner: object, name: str, number: i
     patched.setattr(owner, name, interrupting)
 
 
-def test_it_ends_with_the_best_pupil_of_joining(train: Callable[[str], Any], tmp_path: Path) -> None:
+def test_it_ends_with_the_best_pupil_of_joining(train: Train, tmp_path: Path) -> None:
     record = train("run")
     assert record["finished"]
-    assert record["samples"] == BUDGET
-    assert set(record["joining"]) == {"first", "trained", "survived_by_round"}
+    assert record["samples"] == lesson_samples(Joining(rounds=2, humanoids=4))
+    assert set(record["joining"]) == {"teachers", "first", "first_and_teachers", "survived_by_round"}
     assert len(record["joining"]["survived_by_round"]) == 2
-    assert read_json(tmp_path / "run" / "policy.json")["joining"] == record["joining"]
+    assert len(record["evaluations"]) == 1
+    assert record["best"] == record["evaluations"][0]
+    assert set(record["seconds_by"]) == {"joining"}
     policy, stored = Policy.load(tmp_path / "run" / "policy.safetensors")
+    assert stored["joining"] == record["joining"]
     assert stored["config"]["env"]["observed_obstacles"] == 3
-    # It is a pupil, not the policy that PPO came to.
-    best = load_file(tmp_path / "run" / CHECKPOINT)
-    assert any(not np.array_equal(best[f"best.{name}"], tensor) for name, tensor in policy.tensors().items())
+    # It is a pupil of a teacher that leans, not the idle policy that it started from.
+    assert any(bias.any() for _, bias in policy.layers)
+    assert "best of 1 evaluation, after" in " ".join(closing_words(record, tmp_path / "run"))
 
 
-@pytest.mark.parametrize(
-    ("owner", "name", "seeds"),
-    [(PpoAlgorithm, "update", [1, 2]), (joining, "fitted", [2])],
-    ids=["in the second round of PPO", "in the second of joining"],
-)
 def test_interrupted_and_resumed_it_comes_to_the_same_policy(
-    owner: object,
-    name: str,
-    seeds: list[int],
-    train: Callable[[str], Any],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    train: Train, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     straight, fits, fitted = train("straight"), [], joining.fitted
     with monkeypatch.context() as patched:
-        interrupted(patched, owner, name, 2)
+        interrupted(patched, joining, "fitted", 2)
         with pytest.raises(KeyboardInterrupt):
             train("cut")
-    assert (tmp_path / "cut" / CHECKPOINT).exists()
-    assert (tmp_path / "cut" / PUPILS).exists() == (owner is joining)
+    assert (tmp_path / "cut" / PUPILS).exists()
+    assert not (tmp_path / "cut" / "policy.json").exists()
     monkeypatch.setattr(joining, "fitted", lambda *given: fits.append(given[3]) or fitted(*given))
     assert train("cut")["joining"] == straight["joining"]
-    assert fits == seeds  # of the rounds of joining that were left
+    assert fits == [2]  # of the round that was left
     assert without_clock(tmp_path / "cut" / "policy.json") == without_clock(tmp_path / "straight/policy.json")
     ours, theirs = (file_hash(tmp_path / one / "policy.safetensors") for one in ("cut", "straight"))
     assert ours == theirs
+    train("cut", resume=False)
+    assert fits == [2, 1, 2]
 
 
-def test_a_motion_that_ends_is_refused(motion: Motion) -> None:
-    ending = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
-    with pytest.raises(
-        KinemimicError, match="--preset obstacles: expected a walk or run that repeats itself"
-    ):
-        settings.settings_for(ending, start="robust_walk", preset_name="obstacles")
+def test_its_lessons_have_no_limit_of_time(train: Train) -> None:
+    with pytest.raises(KinemimicError, match="expected lessons of a fixed length, found --minutes"):
+        train("run", minutes=1.0)
+
+
+def test_the_budget_is_that_of_its_lessons() -> None:
+    assert BUDGETS[OBSTACLE_POLISH] == lesson_samples(Joining())

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
+from peers.teachers import write_teacher
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -32,9 +35,10 @@ def test_a_tracker_brings_its_weights_and_is_named_by_its_hash(motion: Motion) -
     assert found.config.max_budget > found.config.budget
 
 
-def test_a_policy_acts_as_before_until_it_has_learned_from_obstacles(motion: Motion) -> None:
+def test_a_policy_acts_as_before_until_it_has_learned_from_obstacles(motion: Motion, tmp_path: Path) -> None:
+    teachers = write_teacher(tmp_path / "policy.safetensors", motion).parent
     before = settings_for(motion, start="robust_walk", preset_name="robust").initial
-    found = settings_for(motion, start="robust_walk", preset_name="obstacles")
+    found = settings_for(motion, start="robust_walk", preset_name="obstacles", teachers=teachers)
     assert before is not None
     assert found.initial is not None
     size = observation_size(found.config.env)
@@ -44,15 +48,33 @@ def test_a_policy_acts_as_before_until_it_has_learned_from_obstacles(motion: Mot
     assert found.initial.critic[0][0].shape == (found.config.hidden[0], size)
     # What a tracker clips lower, it still does.
     for name in ("tracker", "robust_walk"):
-        wide = settings_for(motion, start=name, preset_name="obstacles").initial
+        wide = settings_for(motion, start=name, preset_name="obstacles", teachers=teachers).initial
         narrow, _ = load_tracker(tracker_path(name))
         assert wide is not None
         np.testing.assert_array_equal(np.asarray(wide.limit)[: len(narrow.mean)], narrow.limit)
     seeing = replace(found.config, env=replace(found.config.env, observed_obstacles=2))
     with pytest.raises(KinemimicError, match="a policy that observes no obstacles or 2, found one that"):
         found.initial.widened(seeing)
-    with pytest.raises(KinemimicError, match="--preset obstacles: expected --from robust_walk, or a tracker"):
-        settings_for(motion, preset_name="obstacles")
+
+
+def test_joining_needs_teachers_a_loop_and_nothing_else(motion: Motion, tmp_path: Path) -> None:
+    teachers = write_teacher(tmp_path / "policy.safetensors", motion).parent
+    joining = partial(settings_for, start="robust_walk", preset_name="obstacles")
+    assert len(joining(motion, teachers=teachers).teachers.policies) == 1
+    ending = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
+    for reason, settings in (
+        ("expected --from robust_walk, or a tracker", partial(settings_for, motion, preset_name="obstacles")),
+        ("--preset obstacles: expected --teachers, a folder of", partial(joining, motion)),
+        ("expected a walk or run that repeats itself", partial(joining, ending, teachers=teachers)),
+        ("a fixed length and task, found --budget", partial(joining, motion, teachers=teachers, budget=9)),
+        ("found --scenario", partial(joining, motion, teachers=teachers, scenario=find_scenario("slopes"))),
+        (
+            "expected --preset obstacles, found default",
+            partial(settings_for, motion, teachers=teachers),
+        ),
+    ):
+        with pytest.raises(KinemimicError, match=reason):
+            settings()
 
 
 def test_the_tracker_of_motions_on_the_spot_learns_no_gait(motion: Motion) -> None:

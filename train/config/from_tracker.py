@@ -25,13 +25,13 @@ TRAIN_OPTIONS: Mapping[str, str] = {
     POLISH: "--from tracker",
     STANDING_POLISH: "--from standing",
     ROBUST_POLISH: "--from tracker --preset robust",
-    OBSTACLE_POLISH: "--from robust_walk --preset obstacles",
+    OBSTACLE_POLISH: "--from robust_walk --preset obstacles --teachers FOLDER",
 }
 BUDGETS: Mapping[str, int] = {
     POLISH: 280_000,
     STANDING_POLISH: 500_000,
     ROBUST_POLISH: 4_750_000,
-    OBSTACLE_POLISH: 12_000_000,
+    OBSTACLE_POLISH: 725_760,  # control steps of its lessons
 }
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 
@@ -128,10 +128,10 @@ def robust_polish(tracker: TrainConfig) -> TrainConfig:
 
 
 def obstacle_polish(tracker: TrainConfig) -> TrainConfig:
-    """Walk through obstacles, which the policy observes from now on; meant for one from `robust_polish`.
+    """Walk through obstacles, which the policy observes from now on, as teachers do; elsewhere act as before.
 
-    Episodes are among obstacles: where it observes none, the policy shall act as before (`joining`). To step
-    over an obstacle, it has to leave the pose of its reference far, so the pose term is wide.
+    It learns by joining alone, without PPO. Meant for a policy from `robust_polish`, whose task this is but
+    for obstacles in place of pushes.
     """
     robust = robust_polish(tracker)
     randomization = replace(
@@ -145,11 +145,7 @@ def obstacle_polish(tracker: TrainConfig) -> TrainConfig:
         robust,
         preset=OBSTACLE_POLISH,
         env=replace(robust.env, observed_obstacles=3, domain_randomization=randomization),
-        horizon=128,
-        discount=0.99,
-        action_std=((0, 0.06), (8_000_000, 0.045), (12_000_000, 0.015)),
         strength=((0, 1.0),),
-        scales={"pose": ((0, 16.0),), "path": ((0, 2.0),)},
         budget=BUDGETS[OBSTACLE_POLISH],
         recovery=None,
         joining=Joining(),

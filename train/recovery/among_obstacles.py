@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.recovery.pushes import Acting
 from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.domain_randomization import RandomizationSample
@@ -27,7 +27,7 @@ def begin_among_obstacles(batch: ImitationBatch, random: np.random.Generator) ->
 
 
 def survived_among_obstacles(
-    batch: ImitationBatch, policy: Policy, random: np.random.Generator
+    batch: ImitationBatch, policy: Acting, random: np.random.Generator
 ) -> NDArray[np.bool_]:
     """(N,) whether the policy walks among obstacles for 8 s without a fall."""
     begin_among_obstacles(batch, random)

@@ -1,8 +1,7 @@
-"""Join a policy trained among obstacles with the one that it started from.
+"""Join policies that walk through obstacles with one that withstands pushes.
 
-Training among obstacles costs fit and strength against pushes elsewhere. The joined policy is one network
-again: it learns by regression to act as the trained one where it observes an obstacle, and as the first one
-elsewhere, in the states that it reaches itself (`lessons.py`).
+The joined policy is one network: it learns by regression to act as the first ones, its teachers, where it
+observes an obstacle, and as the other elsewhere, in the states that it reaches itself (`lessons.py`).
 """
 
 from __future__ import annotations
@@ -21,10 +20,11 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.joining import Joining
 from kinemimic.train.learning_control.distillation import fitted
 from kinemimic.train.recovery.among_obstacles import begin_among_obstacles, survived_among_obstacles
-from kinemimic.train.recovery.learning import MINIBATCH, Taught, push_survival
+from kinemimic.train.recovery.learning import Taught, push_survival
 from kinemimic.train.recovery.lessons import BEFORE, HARDEST, NOISE, STEPS, UNPUSHED, Rows, pushed_rows
 from kinemimic.train.recovery.pupils_file import PUPILS, read_pupils, write_pupils
 from kinemimic.train.recovery.pushes import Pushes
+from kinemimic.train.recovery.teachers import TaughtActions, Teachers
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.engines import open_world
@@ -33,38 +33,42 @@ from kinemimic.train.task.env import ACTIONS, ImitationBatch
 from kinemimic.train.task.obstacle_observation import obstacle_observation_size
 
 _AMONG_OBSTACLES = 8 * CONTROL_RATE  # control steps of a lesson
+_NOISES = (0.0, NOISE)  # of the lessons of a round
+# The policy has to learn the teachers' whole gait, more than recoveries: with 2,048, it took too few steps.
+_MINIBATCH = 512
 _TESTS, _TEST_SEED = 400, 0  # trials among obstacles
 
 
 class Gate:
-    """Acts as one policy where an observation has an obstacle, and as another elsewhere.
+    """Acts as teachers where an observation has an obstacle, and as another policy elsewhere.
 
-    obstacles: numbers at the end of an observation that are of obstacles.
+    batch: whose states the teachers see.
     """
 
-    def __init__(self, among: Policy, elsewhere: Policy, obstacles: int) -> None:
-        self._among, self._elsewhere, self._obstacles = among, elsewhere, obstacles
+    def __init__(self, batch: ImitationBatch, teachers: Teachers, elsewhere: Policy) -> None:
+        self._taught, self._elsewhere = TaughtActions(batch, teachers), elsewhere
+        self._obstacles = obstacle_observation_size(batch.config.observed_obstacles)
 
     def act(self, observations: Array) -> Array:
-        """Actions (N, 42) for observations (N, O)."""
+        """Actions (N, 42) for observations (N, O) of the batch in its current state."""
         near = observations[:, -self._obstacles :].any(axis=1)
         actions = self._elsewhere.act(observations).astype(np.float64)
         if near.any():
-            actions[near] = self._among.act(observations[near])
+            actions[near] = self._taught.act()[near]
         return actions
 
 
 def join(
     motion: Motion,
-    trained: Policy,
     first: Policy,
+    teachers: Teachers,
     config: TrainConfig,
     run: Path,
     *,
     workers: int,
     engine: str,
 ) -> Taught:
-    """The trained policy, joined with the first one (of as many observations), from which training started.
+    """One policy that acts as the teachers near obstacles, and elsewhere as `first`, from which it starts.
 
     Of the policies after each round, the one with the best mean of two shares is kept: of test pushes that it
     survives, and of trials among obstacles; the record has the shares of all. run: the folder in which
@@ -73,23 +77,25 @@ def join(
     env = config.env
     if config.joining is None or not (env.observed_obstacles and env.domain_randomization.obstacles):
         raise ValueError("expected a configuration with joining, of a policy that observes obstacles")
-    pupils = _pupils(motion, trained, first, config, config.joining, run / PUPILS, engine)
-    tasks = [_Test(motion, policy, config, engine) for policy in (first, trained, *pupils)]
-    shares = parallel_map(_shares, tasks, workers=workers)
-    means = [sum(one) for one in shares[2:]]
+    pupils = _pupils(motion, first, teachers, config, config.joining, run / PUPILS, engine)
+    tasks = [_Test(motion, policy, config, engine) for policy in (first, *pupils)]
+    tasks.append(_Test(motion, first, config, engine, teachers))
+    *shares, gate = parallel_map(_shares, tasks, workers=workers)
+    means = [sum(one) for one in shares[1:]]
     names = ("pushes", "obstacles")
     record = {
+        "teachers": len(teachers.policies),
         "first": dict(zip(names, shares[0], strict=True)),
-        "trained": dict(zip(names, shares[1], strict=True)),
-        "survived_by_round": [dict(zip(names, one, strict=True)) for one in shares[2:]],
+        "first_and_teachers": dict(zip(names, gate, strict=True)),
+        "survived_by_round": [dict(zip(names, one, strict=True)) for one in shares[1:]],
     }
     return Taught(pupils[means.index(max(means))], "joining", record)
 
 
 def _pupils(
     motion: Motion,
-    trained: Policy,
     first: Policy,
+    teachers: Teachers,
     config: TrainConfig,
     settings: Joining,
     path: Path,
@@ -100,38 +106,43 @@ def _pupils(
     Of rounds whose pupil is in the file at `path`, only the lessons are given again.
     """
     identity = {
-        "trained": content_hash(trained.tensors()), "first": content_hash(first.tensors()),
+        "first": content_hash(first.tensors()), "teachers": teachers.identity,
         "motion": motion.identity, "engine": engine, "seed": str(config.seed),
         "humanoids": str(settings.humanoids),
     }  # fmt: skip
     pupils = read_pupils(path, identity, config)
     if len(pupils) >= settings.rounds:
         return pupils[: settings.rounds]
-    teacher = Gate(trained, first, obstacle_observation_size(config.env.observed_obstacles))
     random = np.random.default_rng(config.seed)
     world = open_world(settings.humanoids, engine)
     batch = ImitationBatch(world, Reference(motion), config.measured_env)
-    lessons = _Lessons(settings, trained.shape[0])
+    teacher = Gate(batch, teachers, first)
+    lessons = _Lessons(settings, first.shape[0])
     with progress("joining", settings.rounds, done=len(pupils), unit="rounds") as bar:
         for number in range(settings.rounds):
             pupil = pupils[number - 1] if number else None
-            for noise in (0.0, NOISE):
+            for noise in _NOISES:
                 lessons.add(*_lesson_among_obstacles(batch, teacher, pupil, noise, random))
                 lessons.add(*_lesson_with_pushes(batch, teacher, pupil, noise, random))
             if number < len(pupils):
                 continue
-            pupils.append(fitted(pupil or trained, *lessons.all(), config.seed + number, MINIBATCH))
+            pupils.append(fitted(pupil or first, *lessons.all(), config.seed + number, _MINIBATCH))
             write_pupils(path, identity, pupils)
             bar.advance()
     world.close()
     return pupils
 
 
+def lesson_samples(settings: Joining) -> int:
+    """Control steps of all lessons, if nobody falls."""
+    return settings.rounds * len(_NOISES) * settings.humanoids * (_AMONG_OBSTACLES + BEFORE + STEPS)
+
+
 class _Lessons:
     """Rows of all lessons so far: gigabytes, and so in one place from the start."""
 
     def __init__(self, settings: Joining, observations: int) -> None:
-        most = settings.rounds * 2 * settings.humanoids * (_AMONG_OBSTACLES + BEFORE + STEPS)
+        most = lesson_samples(settings)
         self._seen = np.empty((most, observations), dtype=np.float32)
         self._wanted = np.empty((most, ACTIONS), dtype=np.float32)
         self._count = 0
@@ -173,16 +184,20 @@ def _lesson_with_pushes(
 
 @dataclass(frozen=True)
 class _Test:
+    """teachers: act in place of the policy near obstacles."""
+
     motion: Motion
     policy: Policy
     config: TrainConfig
     engine: str
+    teachers: Teachers | None = None
 
 
 def _shares(test: _Test) -> tuple[float, float]:
     """Shares of test pushes, and of trials among obstacles, that a policy survives."""
     world = open_world(_TESTS, test.engine)
     batch = ImitationBatch(world, Reference(test.motion), test.config.measured_env)
-    among = survived_among_obstacles(batch, test.policy, np.random.default_rng(_TEST_SEED))
+    acting = test.policy if test.teachers is None else Gate(batch, test.teachers, test.policy)
+    among = survived_among_obstacles(batch, acting, np.random.default_rng(_TEST_SEED))
     world.close()
     return push_survival(test.motion, test.policy, test.config, test.engine), float(among.mean())

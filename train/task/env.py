@@ -29,7 +29,7 @@ from kinemimic.train.sim.world import (
 from kinemimic.train.task.balance import balance_turns
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.hurry import hurry
-from kinemimic.train.task.mirror import Mirror, left_foot_behind, mirrored
+from kinemimic.train.task.mirror import Mirror, mirrored, reflected_rows
 from kinemimic.train.task.observation import observe
 from kinemimic.train.task.obstacle_observation import obstacle_states
 from kinemimic.train.task.reward import pose_turns, rewards
@@ -114,7 +114,7 @@ class ImitationBatch:
         self._ahead = [self.reference.bodies(self.phases + k * increment) for k in self.config.preview]
         self._turns, *self._turns_ahead = pose_turns(self.bodies, self.target, *self._ahead)
         if self._mirror is not None:
-            self._reflected = self._reflection()
+            self._reflected = reflected_rows(self.config, self.phases, target)
 
     @property
     def _increment(self) -> Array | float:
@@ -322,9 +322,3 @@ class ImitationBatch:
         if self._mirror is not None:
             self._mirror.observations(observations, self._reflected)
         return observations
-
-    def _reflection(self) -> NDArray[np.bool_]:
-        """(E,) whether observation and action are reflected."""
-        if self.config.tracking is None:
-            return np.mod(self.phases, 1.0) >= 0.5
-        return left_foot_behind(self.target)

@@ -109,6 +109,11 @@ def mirrored(config: EnvConfig, reference: Reference) -> bool:
     return config.mirror and bool(asymmetry(reference) <= MAX_ASYMMETRY)
 
 
+def reflected_rows(config: EnvConfig, phases: Array, target: BodyStates) -> NDArray[np.bool_]:
+    """(E,) whether a policy that mirrors sees the mirror image; target: its reference at phases (E,)."""
+    return np.mod(phases, 1.0) >= 0.5 if config.tracking is None else left_foot_behind(target)
+
+
 def left_foot_behind(bodies: BodyStates) -> NDArray[np.bool_]:
     """(E,) whether the left foot is behind the right one, along the pelvis' forward axis."""
     stride = bodies.positions[:, _LEFT_FOOT] - bodies.positions[:, _RIGHT_FOOT]

@@ -42,6 +42,11 @@ def test_a_policy_of_one_motion_and_training_options_are_refused(
             ["--preset", "obstacles"],
             "--preset obstacles: expected --from robust_walk, or a tracker, found none",
         ),
+        (
+            ["--from", "robust_walk", "--preset", "obstacles"],
+            "--preset obstacles: expected --teachers, a folder of policies trained among obstacles",
+        ),
+        (["--teachers", "empty"], "--teachers: expected --preset obstacles, found default"),
     ],
 )
 def test_a_start_that_cannot_be_is_refused_before_anything_begins(

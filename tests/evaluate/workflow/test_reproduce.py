@@ -231,7 +231,7 @@ def test_a_policy_trained_on_a_cluster_is_that_of_one_core(tmp_path: Path, ray_n
     )
     for recipe, folder in zip(wanted, there, strict=True):
         run = tmp_path / "here" / recipe.name
-        options = stage_options(recipe, None, workers=1)
+        options = stage_options(recipe, None, workers=1, teachers=None)
         run_stages(capture_of(recipe, None), run, options=options, quiet=True)
         here = publish(run, recipe, tmp_path / "other")
         assert {path.name for path in here.iterdir()} == {path.name for path in folder.iterdir()}
