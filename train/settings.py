@@ -69,7 +69,7 @@ def settings_for(
     require_teachers(preset_name, teachers)
     if config.joining is not None and teachers is not None:
         _require_lessons(motion, budget, scenario)
-        return Settings(config, initial, 0, load_teachers(teachers, motion, config.env))
+        return Settings(config, initial, 0, load_teachers(teachers, config.env))
     if scenario is not None:
         config = replace(config, env=replace(config.env, scenario=scenario))
     if config.env.scenario is not None:

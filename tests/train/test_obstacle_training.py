@@ -15,13 +15,13 @@ from peers.trackers import write_idle_tracker
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, write_text
-from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
+from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train import settings
 from kinemimic.train.config.from_tracker import BUDGETS, OBSTACLE_POLISH, from_tracker
 from kinemimic.train.config.joining import Joining
-from kinemimic.train.recovery import joining, learning
+from kinemimic.train.recovery import joining
 from kinemimic.train.recovery.joining import lesson_samples
 from kinemimic.train.recovery.pupils_file import PUPILS
 from kinemimic.train.rollout.policy import Policy
@@ -36,14 +36,13 @@ def train(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> It
     small = Joining(rounds=2, humanoids=4)
     monkeypatch.setattr(settings, "from_tracker", lambda *given: replace(from_tracker(*given), joining=small))
     monkeypatch.setattr(joining, "_AMONG_OBSTACLES", 20)
-    monkeypatch.setattr(joining, "_TESTS", 4)
-    monkeypatch.setattr(learning, "_TEST_FORCES", (100.0,))
-    monkeypatch.setattr(learning, "_TEST_PHASES", 1)
-    monkeypatch.setattr(joining, "parallel_map", lambda task, items, *, workers: [task(one) for one in items])
+    monkeypatch.setattr(joining, "parallel_map", lambda _, tests, *, workers: [*map(measured, tests)])
+
+    def measured(test: joining._Test) -> tuple[float, float]:
+        return 0.5, 0.4 if test.teachers is None else 0.6
+
     tracker = write_idle_tracker(tmp_path / "tracker")
-    write_text(tmp_path / "motion.json", motion_to_json(motion))
-    written = read_motion_json(tmp_path / "motion.json")
-    teachers = write_teacher(tmp_path / "teachers" / "policy.safetensors", written, leans=0.05).parent
+    teachers = write_teacher(tmp_path / "teachers" / "policy.safetensors", motion, leans=0.05).parent
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def trained(name: str, **options: Any) -> dict[str, Any]:

@@ -31,7 +31,7 @@ BUDGETS: Mapping[str, int] = {
     POLISH: 280_000,
     STANDING_POLISH: 500_000,
     ROBUST_POLISH: 4_750_000,
-    OBSTACLE_POLISH: 725_760,  # control steps of its lessons
+    OBSTACLE_POLISH: 1_088_640,  # control steps of its lessons
 }
 MAX_POLISH = 1_000_000  # as many as the preset `default`
 

@@ -11,7 +11,7 @@ from kinemimic.train.config.baseline_config import require_counts
 class Joining:
     """rounds: of lessons and regression; humanoids: of a round."""
 
-    rounds: int = 4
+    rounds: int = 6
     humanoids: int = 240
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import content_hash
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
@@ -36,7 +37,7 @@ _AMONG_OBSTACLES = 8 * CONTROL_RATE  # control steps of a lesson
 _NOISES = (0.0, NOISE)  # of the lessons of a round
 # The policy has to learn the teachers' whole gait, more than recoveries: with 2,048, it took too few steps.
 _MINIBATCH = 512
-_TESTS, _TEST_SEED = 400, 0  # trials among obstacles
+_TESTS, _TEST_SEED = 200, 0  # trials among obstacles
 
 
 class Gate:
@@ -72,24 +73,31 @@ def join(
 
     Of the policies after each round, the one with the best mean of two shares is kept: of test pushes that it
     survives, and of trials among obstacles; the record has the shares of all. run: the folder in which
-    finished rounds are kept. workers: processes that test the policies.
+    finished rounds are kept. workers: processes that test the policies. KinemimicError if the teachers do not
+    help.
     """
     env = config.env
     if config.joining is None or not (env.observed_obstacles and env.domain_randomization.obstacles):
         raise ValueError("expected a configuration with joining, of a policy that observes obstacles")
+    before = [_Test(motion, first, config, engine), _Test(motion, first, config, engine, teachers)]
+    alone, together = parallel_map(_shares, before, workers=workers)
+    if together[1] <= alone[1]:
+        raise KinemimicError(
+            f"--teachers: expected policies that survive more trials among obstacles than without them "
+            f"({alone[1]:.0%}), found {together[1]:.0%}; were they trained on this motion?"
+        )
     pupils = _pupils(motion, first, teachers, config, config.joining, run / PUPILS, engine)
-    tasks = [_Test(motion, policy, config, engine) for policy in (first, *pupils)]
-    tasks.append(_Test(motion, first, config, engine, teachers))
-    *shares, gate = parallel_map(_shares, tasks, workers=workers)
-    means = [sum(one) for one in shares[1:]]
+    tests = [_Test(motion, policy, config, engine) for policy in pupils]
+    shares = parallel_map(_shares, tests, workers=workers)
     names = ("pushes", "obstacles")
     record = {
-        "teachers": len(teachers.policies),
-        "first": dict(zip(names, shares[0], strict=True)),
-        "first_and_teachers": dict(zip(names, gate, strict=True)),
-        "survived_by_round": [dict(zip(names, one, strict=True)) for one in shares[1:]],
+        "teachers": teachers.identity,
+        "first": dict(zip(names, alone, strict=True)),
+        "first_and_teachers": dict(zip(names, together, strict=True)),
+        "survived_by_round": [dict(zip(names, one, strict=True)) for one in shares],
     }
-    return Taught(pupils[means.index(max(means))], "joining", record)
+    best = max(range(len(pupils)), key=lambda k: sum(shares[k]))
+    return Taught(pupils[best], "joining", record)
 
 
 def _pupils(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.joining import Joining
@@ -37,9 +38,9 @@ def start(walk: Motion) -> Start:
 
 
 @pytest.fixture(scope="module")
-def teachers(walk: Motion, start: Start) -> Teachers:
+def teachers(start: Start) -> Teachers:
     """The policies of the comparison that TD3 trained among obstacles."""
-    return load_teachers(TEACHERS, walk, start[1].env)
+    return load_teachers(TEACHERS, start[1].env)
 
 
 @pytest.fixture
@@ -102,11 +103,12 @@ def test_every_humanoid_has_its_own_obstacles(batch: ImitationBatch, start: Star
 def test_the_best_round_is_kept_and_the_result_is_the_same(
     walk: Motion, start: Start, teachers: Teachers, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given, tested = [(0.8, 0.3), (0.7, 0.7), (0.7, 0.8), (0.8, 0.9)], []
+    given, tested = [(0.8, 0.3), (0.8, 0.9), (0.7, 0.7), (0.7, 0.8)], []
 
     def measured(_: object, tests: list[joining._Test], *, workers: int) -> list[tuple[float, float]]:
+        first = len(tested) % len(given)
         tested.extend(test.policy for test in tests)
-        return given
+        return given[first : first + len(tests)]
 
     monkeypatch.setattr(joining, "parallel_map", measured)
     monkeypatch.setattr(joining, "_AMONG_OBSTACLES", 30)
@@ -119,10 +121,10 @@ def test_the_best_round_is_kept_and_the_result_is_the_same(
     assert found[0].record == found[1].record
     assert found[0].record["first"] == {"pushes": 0.8, "obstacles": 0.3}
     assert found[0].record["first_and_teachers"] == {"pushes": 0.8, "obstacles": 0.9}
-    assert found[0].record["teachers"] == 3
+    assert found[0].record["teachers"] == teachers.identity
     assert found[0].record["survived_by_round"][1] == {"pushes": 0.7, "obstacles": 0.8}
     assert len(tested) == 2 * len(given)
-    assert found[0].policy is tested[2]
+    assert found[0].policy is tested[3]
     for (a, _), (b, _) in zip(found[0].policy.layers, found[1].policy.layers, strict=True):
         np.testing.assert_array_equal(a, b)
     assert found[0].policy.shape == policy.shape
@@ -140,6 +142,17 @@ def test_pushes_and_obstacles_are_tested_apart(
     )
     assert alone[0] == together[0] > 0.9
     assert 0.0 <= alone[1] < 0.75 <= together[1]
+
+
+def test_teachers_that_do_not_help_are_refused_before_the_lessons(
+    walk: Motion, start: Start, teachers: Teachers, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(joining, "parallel_map", lambda *_, workers: [(0.8, 0.42), (0.8, 0.4)])
+    with pytest.raises(
+        KinemimicError, match=r"--teachers: expected .* \(42%\), found 40%; were they trained on"
+    ):
+        join(walk, start[0], teachers, start[1], tmp_path, workers=1, engine="native")
+    assert not [*tmp_path.iterdir()]
 
 
 def test_only_a_policy_that_observes_obstacles_is_joined(
