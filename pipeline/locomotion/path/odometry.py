@@ -18,6 +18,7 @@ from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.path.upright import center_of_mass
+from kinemimic.pipeline.locomotion.phase import fourier
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,12 @@ _RUNNING_TOE = _Rolling(
     (0.10, 0.125, 0.175, 0.225, 0.275, 0.325, 0.36), (0.12, 0.08, 0.04, 0.01, 0.04, 0.13, 0.2)
 )
 # In running the rear foot has left the ground when the feet are farthest apart: its ankle is then this share
-# of the leg above the other. Measured: walking 0.02 to 0.08, running 0.2 to 0.4.
+# of the leg above the other. Measured: walking up to 0.09, running 0.11 to 0.33.
 RUNNING_LIFT = 0.14
 # Steps as quick as these (s of a stride) are a runner's from a lower lift on. Legs shorter than an adult's
 # (m) swing faster in walking too, as pendulums do.
 QUICK_STRIDE, QUICK_LIFT, ADULT_LEG = 0.82, 0.08, 0.75
+LEAST_VAULT = 0.001  # m, of the hips' wave in a step: less is no vault, as in poses without a root
 FEET_ERROR = 0.08  # of the speed of single strides by the feet
 _SMOOTHING = 0.03  # s, of the velocity
 
@@ -79,9 +81,10 @@ def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *
     """
     root = place(positions, "hips")
     pose = positions - root[:, None]
+    vaults = _vaults(root[:, 2], phase)
     if _steps_backward(pose, phase):
         # Walking backward is walking forward in reversed time.
-        reverse = _forward_odometry(pose[::-1], heading[::-1], -phase[::-1], rate, toes=toes)
+        reverse = _forward_odometry(pose[::-1], heading[::-1], -phase[::-1], rate, vaults=vaults, toes=toes)
         return FootOdometry(
             -reverse.velocity[::-1],
             reverse.running,
@@ -89,13 +92,15 @@ def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *
             single=-reverse.single[:, ::-1],
             weights=reverse.weights[:, ::-1],
         )
-    return _forward_odometry(pose, heading, phase, rate, toes=toes)
+    return _forward_odometry(pose, heading, phase, rate, vaults=vaults, toes=toes)
 
 
-def _forward_odometry(pose: Array, heading: Array, phase: Array, rate: float, *, toes: bool) -> FootOdometry:
+def _forward_odometry(
+    pose: Array, heading: Array, phase: Array, rate: float, *, vaults: bool, toes: bool
+) -> FootOdometry:
     """`foot_odometry` of a pose (T, 20, 3) about the hips that walks forward."""
     forward = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    running = is_running_pose(pose, phase, rate)
+    running = is_running_pose(pose, phase, rate) and not vaults
     profiles = {"ankle": _RUNNING_ANKLE if running else _WALKING_ANKLE}
     if toes:
         profiles["foot"] = _RUNNING_TOE if running else _WALKING_TOE
@@ -150,6 +155,16 @@ def is_running_pose(pose: Array, phase: Array, rate: float) -> bool:
     quick = QUICK_STRIDE * np.sqrt(min(1.0, leg / ADULT_LEG))
     least = QUICK_LIFT if stride < quick else RUNNING_LIFT
     return bool(np.median(both) > least * leg)
+
+
+def _vaults(height: Array, phase: Array) -> bool:
+    """Whether the hips are lowest when the feet are farthest apart: a walker vaults over the foot in stance,
+    a runner bounces. The rear foot alone does not tell: in a brisk walk its heel, and down a slope the whole
+    foot, is as high as a jogger's. height: (T,) metres of the hips.
+    """
+    columns = np.column_stack([fourier.design(2.0 * phase, 1), phase])
+    _, apart, _, _ = np.linalg.lstsq(columns, height)[0]
+    return bool(apart < -LEAST_VAULT)
 
 
 def _steps_backward(pose: Array, phase: Array) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 from samples.corpus import cmu
+from samples.other_steps import stepping as stepping_as
 from samples.walker import before_turning_camera, hips, in_place, walker
 
 from kinemimic.pipeline.convert import convert, on_nodes, read_converted
@@ -175,3 +176,29 @@ def test_a_child_who_walks_briskly_does_not_run(size: float) -> None:
     found = bouts_of(child)
     assert found
     assert not any(bout.running for bout in found)
+
+
+@pytest.mark.parametrize("quicker", [1.1, 1.2, 1.4])
+def test_a_brisk_walker_does_not_run(quicker: float) -> None:
+    """The heel of the rear foot is as high as a jogger's, but the hips vault over the foot in stance."""
+    clip = cmu("07_12")
+    begin = clip.times[0]
+    found = bouts_of(replace(clip, times=begin + (clip.times - begin) / quicker))
+    assert found and not any(bout.running for bout in found)
+
+
+@pytest.mark.parametrize("seen", [replace, in_place])
+@pytest.mark.parametrize("slope", [-0.15, -0.2])
+def test_a_walker_down_a_slope_does_not_run(slope: float, seen: Callable[[Clip], Clip]) -> None:
+    """There, the rear foot stands higher."""
+    found = bouts_of(seen(stepping_as("walk", cadence=1.4, slope=slope)))
+    assert found and not any(bout.running for bout in found)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.012])
+@pytest.mark.parametrize(("length", "slope"), [(1.0, -0.2), (1.0, 0.1), (0.55, 0.0), (0.4, 0.0)])
+def test_a_jogger_runs(length: float, slope: float, noise: float) -> None:
+    clip = stepping_as("run", length=length, slope=slope)
+    stir = noise * np.random.default_rng(2).standard_normal(clip.positions.shape)
+    found = bouts_of(replace(clip, positions=clip.positions + stir))
+    assert found and all(bout.running for bout in found)
