@@ -29,7 +29,7 @@ from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_
 from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.ankles import AnkleMode
 from kinemimic.retarget.feet.balance import on_the_spot
-from kinemimic.retarget.feet.ground import is_running, measure_path
+from kinemimic.retarget.feet.ground import measure_path
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
@@ -189,7 +189,7 @@ def _finished(
 ) -> tuple[CyclicFit, dict[str, Any]]:
     """The loop, refined and balanced, and its report."""
     closed, motion, found = fit, refine(fit.motion) if refined else fit.motion, None
-    if balance and not (fit.reliability.precise or is_running(fit.path.speed)):
+    if balance and not (fit.reliability.precise or fit.path.running):
         # The soles have to be on the ground for it.
         motion, found = balance_loop(motion, refined=refined)
     if motion is not fit.motion:

@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
-from kinemimic.retarget.feet.ground import RootPath, fit_root_path, is_running
+from kinemimic.retarget.feet.ground import RootPath, fit_root_path
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
 from kinemimic.retarget.feet.scale import length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -67,12 +67,13 @@ def fit_cyclic(
 ) -> CyclicFit:
     """Pool the usable strides of bouts of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
+    bouts: all walks or all runs (`select_bouts`).
     symmetric: whether to pool the mirror image too; None decides by `asymmetry_limit`, and pools it if part
     of the stride was seen on one side only. ankle: ankles of a walk whose feet were not seen; a run's are
     neutral. Raises KinemimicError if part of the stride was never seen.
     """
     pooled = _pooled_loop(clip, bouts, symmetric)
-    return _on_body(pooled, ankle)
+    return _on_body(pooled, ankle, running=bouts[0].running)
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def _pooled_loop(clip: Clip, bouts: Sequence[Bout], symmetric: bool | None) -> _
     return _PooledLoop(loop, strides, reliability, captured, mirror, asymmetry, noise, limit)
 
 
-def _on_body(pooled: _PooledLoop, ankle: AnkleMode) -> CyclicFit:
+def _on_body(pooled: _PooledLoop, ankle: AnkleMode, *, running: bool) -> CyclicFit:
     """The average stride on the Table 1 body; ankle: as for `fit_cyclic`."""
     loop, strides, reliability = pooled.loop, pooled.strides, pooled.reliability
     frames = max(8, round(FRAME_RATE * loop.period))
@@ -129,12 +130,12 @@ def _on_body(pooled: _PooledLoop, ankle: AnkleMode) -> CyclicFit:
     if not reliability.precise:
         rotations = limit_knee_extension(rotations)
     if not reliability.feet:
-        normal = ankle == "normal" and not is_running(scale * loop.speed)
+        normal = ankle == "normal" and not running
         rotations = (normal_feet if normal else neutral_feet)(rotations, phase)
     width = scale * stance_width(strides.positions)
     rotations, abduction = with_stance_width(rotations, width)
     about_mean = scale * fourier.evaluate(loop.root, phase)
-    path = fit_root_path(rotations, about_mean, scale * loop.speed, loop.period)
+    path = fit_root_path(rotations, about_mean, scale * loop.speed, loop.period, running=running)
     motion = Motion(
         rate=frames / loop.period,
         root=path.root - np.array([path.root[0, 0], path.root[0, 1], 0.0]),

@@ -32,7 +32,7 @@ from kinemimic.retarget.feet.contact import (
     loop_thresholds,
     sole_positions,
 )
-from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, in_phase_window, is_running
+from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, in_phase_window
 from kinemimic.retarget.feet.legs import flat_feet, limit_knee_extension, neutral_feet
 from kinemimic.retarget.feet.scale import body_kinematics, length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion
@@ -155,7 +155,8 @@ def _walk_on_body(
     if not reliability.feet:
         rotations = neutral_feet(rotations, phase)
     rotations, _ = with_stance_width(rotations, scale * stance_width(positions))
-    root, contacts = _root_over_ground(rotations, scale * _hips(positions, times, grid), phase)
+    hips = scale * _hips(positions, times, grid)
+    root, contacts = _root_over_ground(rotations, hips, phase, running=bout.running)
     rotations, root = with_turns(rotations, root, np.interp(grid, times, excerpt.yaw))
     return _OnBody(reliability, rotations, root, contacts)
 
@@ -247,14 +248,14 @@ def _strides(excerpt: Excerpt, phase: Array, weights: Array, times: Array) -> Po
     )
 
 
-def _root_over_ground(rotations: Array, root: Array, phase: Array) -> tuple[Array, Mask]:
+def _root_over_ground(rotations: Array, root: Array, phase: Array, *, running: bool) -> tuple[Array, Mask]:
     """The root (T, 3) at the speed at which a foot in single support does not slide, and contacts (T, 2)."""
     corners = sole_positions(*body_kinematics(rotations, root))
     height = corners[..., 2].min(axis=-1)
     height -= np.percentile(height.min(axis=1), LOW_PERCENTILE)
     velocity = at_lowest_corner(corners, corner_velocity(corners, FRAME_RATE, None))
     support = in_phase_window(phase, SINGLE_SUPPORT)
-    if is_running(float(np.ptp(root[:, 0])) / (len(root) - 1) * FRAME_RATE):
+    if running:
         support &= height < WALK_NEAR
     slide = float(np.mean(velocity[support, 0])) if support.any() else 0.0
     out = root.copy()

@@ -17,7 +17,6 @@ from kinemimic.pipeline.kinematics.skeleton import SIDES
 from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.pipeline.quality.low_rate import low_rate_note
 from kinemimic.retarget.cyclic import CyclicFit
-from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
 from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.fidelity import departure_warnings, departures
@@ -77,7 +76,7 @@ def _gait(clip: Clip, bouts: Sequence[Bout], selection: Selection, fit: CyclicFi
     """The gait parameters of the loop, and how much of the capture is in it."""
     motion, speed = fit.motion, fit.path.speed
     return {
-        "kind": "run" if is_running(speed) else "walk",
+        "kind": "run" if fit.path.running else "walk",
         "simulated_capture": clip.simulated,
         "cyclic": True,
         "period_s": _n(motion.duration),
@@ -208,7 +207,7 @@ def _walk_as_recorded(clip: Clip, excerpt: Excerpt, fit: NonCyclicFit, motion: M
         return {}
     speed = _speed_ahead(motion, clip.times[excerpt.frames], excerpt.yaw, bout)
     return {
-        "kind": "run" if is_running(speed) else "walk",
+        "kind": "run" if bout.running else "walk",
         "period_s": _n(motion.duration / strides),
         "cadence_steps_per_min": _n(120.0 * strides / motion.duration),
         "speed_m_s": _n(speed),

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.contact import (
     at_lowest_corner,
@@ -18,10 +17,8 @@ from kinemimic.retarget.feet.contact import (
     sole_positions,
 )
 from kinemimic.retarget.feet.scale import body_kinematics
-from kinemimic.retarget.humanoid.body import LEG_LENGTH
 from kinemimic.retarget.humanoid.motion import Motion
 
-RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
 FOLLOW_HARMONICS = 4  # harmonics in which a walker's root follows the foot in contact
 # Ridge of that fit: the first harmonic follows almost fully, the fourth by a sixth. With a tenth of it, a CMU
 # walk swayed by 78 instead of the recorded 23 mm; with three times it, feet slide more without a benefit.
@@ -41,6 +38,7 @@ class RootPath:
     penetration, floating: greatest depth and height of the lowest sole, metres (of a runner, in contact only)
     clearance: least height of a foot around mid-swing, metres
     follows: whether the root follows the foot in contact in more than its mean speed
+    running: whether it is a runner's, with flight
     """
 
     root: Array
@@ -53,11 +51,7 @@ class RootPath:
     floating: float
     clearance: float
     follows: bool
-
-
-def is_running(speed: float) -> bool:
-    """Whether the body has to run at this speed (m/s), by the Froude number of its leg length."""
-    return speed**2 / (GRAVITY * LEG_LENGTH) > RUN_FROUDE
+    running: bool
 
 
 def in_phase_window(phase: Array, window: tuple[float, float]) -> Mask:
@@ -66,10 +60,11 @@ def in_phase_window(phase: Array, window: tuple[float, float]) -> Mask:
     return np.asarray((own > window[0]) & (own < window[1]))
 
 
-def fit_root_path(rotations: Array, sway: Array, speed: float, period: float) -> RootPath:
+def fit_root_path(rotations: Array, sway: Array, speed: float, period: float, *, running: bool) -> RootPath:
     """The root path for local rotations (T, 20, 4) of one cycle.
 
-    sway: (T, 3) metres, the recorded root about its uniform advance; speed: m/s; both scaled to the body.
+    sway: (T, 3) metres, the recorded root about its uniform advance; speed: m/s; both scaled to the body;
+    running: whether it has flight, which the speed does not tell: a jog may be slower than a brisk walk.
 
     The height gets one constant shift. The speed is that at which the foot in single support does not slide,
     because the person's legs have other proportions. The first harmonics of a walker's height and of its
@@ -79,7 +74,6 @@ def fit_root_path(rotations: Array, sway: Array, speed: float, period: float) ->
     phase = np.arange(frames) / frames
     corners = sole_positions(*body_kinematics(rotations))
     bottom = corners[..., 2].min(axis=(1, 2))
-    running = is_running(speed)
     sway = sway - sway.mean(axis=0)
 
     low = bottom + sway[:, 2]
@@ -148,16 +142,14 @@ def _path(
         rate=len(phase) / period,
         cyclic=True,
     )
-    blank = RootPath(root, speed, contacts, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, follows=False)
-    return _with_metrics(blank, world, phase, period, grounded, running)
+    blank = RootPath(root, speed, contacts, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, follows=False, running=running)
+    return _with_metrics(blank, world, phase, period, grounded)
 
 
-def _with_metrics(
-    path: RootPath, world: Array, phase: Array, period: float, grounded: Mask, running: bool
-) -> RootPath:
+def _with_metrics(path: RootPath, world: Array, phase: Array, period: float, grounded: Mask) -> RootPath:
     """The path with its slip, penetration, floating and clearance, from world sole corners (T, 2, 4, 3)."""
     advance = np.array([path.speed * period, 0.0, 0.0])
-    down = path.contacts if running else in_phase_window(phase, SINGLE_SUPPORT)
+    down = path.contacts if path.running else in_phase_window(phase, SINGLE_SUPPORT)
     slides = contact_speeds(world, down, len(phase) / period, advance)
     height = world[..., 2].min(axis=-1)
     return replace(
@@ -172,8 +164,7 @@ def _with_metrics(
 def measure_path(motion: Motion, path: RootPath) -> RootPath:
     """The path of a refined motion, with its measures; path: that before refinement."""
     frames = len(motion.root)
-    running = is_running(path.speed)
-    grounded = np.asarray(motion.contacts.any(axis=1)) if running else np.ones(frames, dtype=np.bool_)
+    grounded = np.asarray(motion.contacts.any(axis=1)) if path.running else np.ones(frames, dtype=np.bool_)
     moved = replace(path, root=motion.root, contacts=motion.contacts)
     world = sole_positions(*motion.kinematics())
-    return _with_metrics(moved, world, np.arange(frames) / frames, motion.duration, grounded, running)
+    return _with_metrics(moved, world, np.arange(frames) / frames, motion.duration, grounded)

@@ -157,7 +157,7 @@ def variant(
         rotations = neutral_feet(rotations, phase)
     # In flight the body falls freely: how far grows with the square of the time.
     sway = sway * [1.0, random.uniform(*SWAY), slower**2 if kind == "run" else 1.0]
-    path = fit_root_path(rotations, sway, own_speed * stride / slower, period)
+    path = fit_root_path(rotations, sway, own_speed * stride / slower, period, running=kind == "run")
     return refine(
         Motion(
             rate=frames / period,

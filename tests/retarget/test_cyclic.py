@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 from samples.mirror import MIRROR
-from samples.walker import stand_walk_stand
+from samples.other_steps import stepping
+from samples.walker import hips, stand_walk_stand
 from scipy.special import i0e
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -17,8 +18,10 @@ from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_ang
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.cyclic import LEG_HARMONICS, CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.contact import at_lowest_corner, corner_velocity, sole_positions
+from kinemimic.retarget.feet.ground import measure_path
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.noncyclic import fit_noncyclic
+from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.strides.asymmetry import asymmetry_and_noise
 from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 from kinemimic.retarget.strides.selection import select_bouts
@@ -244,3 +247,38 @@ def test_the_noise_is_the_rms_distance_of_the_captured_angles_from_the_loop(walk
     rows = np.isfinite(off["knee_left"]).mean()
     expected = np.sqrt((9.0 * rows + 1.0) / (1.0 + rows))
     assert asymmetry_and_noise(fit.loop, fit.strides, off)[1] == pytest.approx(expected)
+
+
+def test_a_jog_slower_than_a_brisk_walk_keeps_its_flight():
+    """1.8 m/s on the body. In flight the feet bear nothing, and none floats while one does."""
+    clip = stepping("run", length=0.55)
+    closed = loop_of(clip)
+    assert closed.path.running and closed.path.speed == pytest.approx(
+        closed.scale * closed.loop.speed, rel=0.05
+    )
+    motion = refine(closed.motion)
+    rise = closed.scale * np.ptp(hips(clip.positions)[..., 2])
+    for one in (closed.motion, motion):
+        assert np.ptp(one.root[:, 2]) == pytest.approx(rise, rel=0.15)
+        low = sole_positions(*one.kinematics())[..., 2].min(axis=(1, 2))
+        assert np.mean(low > 0.02) > 0.3
+        assert not one.contacts[low > 0.05].any()
+    path = measure_path(motion, closed.path)
+    assert path.floating < 0.01 and path.penetration < 0.01 and path.slip < 0.05
+
+
+def test_a_walk_faster_than_a_jog_has_no_flight():
+    fit = loop_of(stepping("walk", length=1.6, cadence=1.5))
+    assert not fit.path.running and fit.path.follows and fit.path.speed > 2.1
+    low = sole_positions(*refine(fit.motion).kinematics())[..., 2].min(axis=(1, 2))
+    assert low.max() < 0.01
+
+
+def test_a_jog_has_no_walkers_ankles():
+    clip = stepping("run", length=0.55)
+    stir = 0.012 * np.random.default_rng(2).standard_normal(clip.positions.shape)
+    noisy = replace(clip, positions=clip.positions + stir)
+    bouts = select_bouts(bouts_of(noisy)).bouts
+    neutral, normal = (fit_cyclic(noisy, bouts, ankle=ankle) for ankle in ("neutral", "normal"))
+    assert not neutral.reliability.feet
+    np.testing.assert_array_equal(normal.motion.rotations, neutral.motion.rotations)

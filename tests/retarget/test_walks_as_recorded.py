@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from samples.bouts import bouts_of
 from samples.corpus import cmu
+from samples.other_steps import stepping
 from samples.walker import backward, in_place, walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -16,10 +17,12 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.locomotion.no_walk import BACKWARD_IN_PLACE, why_no_walk
 from kinemimic.pipeline.locomotion.phase.harmonic import walking_direction
+from kinemimic.retarget.cyclic import fit_cyclic
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
-from kinemimic.retarget.report import noncyclic_report
+from kinemimic.retarget.report import cyclic_report, noncyclic_report
 from kinemimic.retarget.strides.excerpt import excerpt_of_bout
 from kinemimic.retarget.strides.loop import pool_strides
+from kinemimic.retarget.strides.selection import select_bouts
 from kinemimic.retarget.strides.sensor_reliability import assess_reliability
 
 
@@ -83,3 +86,17 @@ def test_a_pass_without_hips_has_no_heading_and_no_warning() -> None:
     positions = walker().clip.positions.copy()
     positions[:, [N["hip_left"], N["hip_right"]]] = np.nan
     assert walking_direction(positions) == 0.0
+
+
+@pytest.mark.parametrize(("motion", "length", "cadence"), [("run", 0.55, 1.0), ("walk", 1.6, 1.5)])
+def test_the_kind_is_the_gaits_not_that_of_its_speed(motion: str, length: float, cadence: float) -> None:
+    """A jog of 1.8 m/s on the body, and a walk of 2.2."""
+    clip = stepping(motion, length=length, cadence=cadence)
+    bouts = bouts_of(clip)
+    fit = as_recorded(clip)
+    excerpt = excerpt_of_bout(bouts[0], straighten=False)
+    report = noncyclic_report(clip, bouts, excerpt, fit, fit.motion, None, "")
+    assert report["kind"] == motion
+    assert report["speed_m_s"] == pytest.approx(report["speed_scaled_m_s"], rel=0.1)
+    loop = fit_cyclic(clip, bouts)
+    assert cyclic_report(clip, bouts, select_bouts(bouts), loop, loop, None)["kind"] == motion

@@ -21,11 +21,11 @@ from kinemimic.evaluate.scoring.metrics.capture_fit import (
     capture_fits,
     truth_fits,
 )
+from kinemimic.evaluate.scoring.metrics.gait_subjects import reference
 from kinemimic.evaluate.scoring.metrics.tracking_error import tracking
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.env_config import RewardConfig
@@ -262,13 +262,12 @@ def compose(
 
 
 def _motion(motion: Motion, gait: Mapping[str, Any]) -> dict[str, Any]:
-    """What was imitated. kind: of gait.json, or by the speed of a loop; findings, refused: of the gate."""
-    kind = "motion"
-    if motion.cyclic:
-        speed = float(np.linalg.norm(motion.cycle_offset[:2])) / motion.duration
-        kind = "run" if is_running(speed) else "walk"
+    """What was imitated. kind: of gait.json, or of a loop's own gait; findings, refused: of the gate."""
+    kind = gait.get("kind")
+    if kind is None and motion.cyclic:
+        kind = "run" if reference(motion).gait.running else "walk"
     return {
-        "kind": gait.get("kind", kind),
+        "kind": kind or "motion",
         "cyclic": motion.cyclic,
         "findings": [finding["message"] for finding in gait.get("gate", ())],
         "refused": any(finding.get("severity") == "refuse" for finding in gait.get("gate", ())),

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from peers.trackers import shipped_motion
+from samples.bouts import bouts_of
+from samples.other_steps import stepping
 
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.cyclic import fit_cyclic
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.library import variants as module
@@ -51,6 +54,17 @@ def test_variants_cover_more_than_their_loops(loops: list[Motion], made: list[Mo
     assert max(knees) - min(knees) > 5.0 * (max(own) - min(own)) + 0.1
     periods = [one.duration for one in made]
     assert max(periods) / min(periods) > 1.2
+
+
+def test_a_run_as_slow_as_a_walk_keeps_its_flight() -> None:
+    clip = stepping("run", length=0.55)
+    jog = fit_cyclic(clip, bouts_of(clip)).motion
+    found = [plausible_variant([jog], "run", 3, number) for number in range(5)]
+    slow = [one for one in found if one.cycle_offset[0] / one.duration < 2.0]
+    assert slow
+    for one in slow:
+        low = sole_positions(*one.kinematics())[..., 2].min(axis=(1, 2))
+        assert np.mean(low > 0.02) > 0.2
 
 
 def test_arms_of_a_skeleton_without_arms_hang_still(

@@ -4,11 +4,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from peers.trackers import entry
+from samples.bouts import bouts_of
+from samples.other_steps import stepping
 
 from kinemimic.evaluate.scoring.metrics.capture_fit import Capture
 from kinemimic.evaluate.scoring.metrics.library_scores import motion_scores
 from kinemimic.evaluate.scoring.metrics.scores import compose, root_path, survival, torque
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.retarget.cyclic import fit_cyclic
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.presets import PRESETS
 
@@ -58,6 +61,15 @@ def test_stable_keys(performance, walk):
     assert scores["fit_capture"] is None
     assert scores["truth"] is None
     assert "peak" in scores["torque"]
+
+
+@pytest.mark.parametrize(("motion", "length", "cadence"), [("run", 0.55, 1.0), ("walk", 1.6, 1.5)])
+def test_the_kind_of_a_loop_without_gait_json_is_its_gaits(performance, motion, length, cadence):
+    """Not that of its speed: a jog of 1.8 m/s, and a walk of 2.2."""
+    clip = stepping(motion, length=length, cadence=cadence)
+    loop = fit_cyclic(clip, bouts_of(clip)).motion
+    assert _scores(performance(), performance(), loop)["motion"]["kind"] == motion
+    assert _scores(performance(), performance(), replace(loop, cyclic=False))["motion"]["kind"] == "motion"
 
 
 def test_a_perfect_rollout(performance, walk):
