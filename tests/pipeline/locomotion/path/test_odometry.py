@@ -202,3 +202,11 @@ def test_a_jogger_runs(length: float, slope: float, noise: float) -> None:
     stir = noise * np.random.default_rng(2).standard_normal(clip.positions.shape)
     found = bouts_of(replace(clip, positions=clip.positions + stir))
     assert found and all(bout.running for bout in found)
+
+
+def test_a_walker_whose_path_sinks_does_not_run(sensors, tmp_path):  # type: ignore[no-untyped-def]
+    """A walk of 1.5 m/s in a phone's video: a network takes it down a slope that was not there."""
+    ingest(sensors / "video_opencap" / "walk" / "sample_wham.json", tmp_path)
+    convert(tmp_path)
+    (one,) = bouts_of(on_nodes(read_converted(tmp_path)))
+    assert not one.running
