@@ -85,3 +85,10 @@ def test_no_style_sheet_fetches_anything_from_another_host(site: Path) -> None:
 def test_every_page_is_in_the_site(site: Path) -> None:
     for page in (ROOT / "docs").glob("*.md"):
         assert (site / page.with_suffix(".html").name).is_file()
+
+
+@pytest.mark.slow
+def test_the_site_has_the_help_of_every_command(site: Path) -> None:
+    page = (site / "options.html").read_text(encoding="utf-8")
+    assert 'id="kinemimic-train-tracker"' in page and "--no-straighten" in page
+    assert not list(site.glob("*.py"))
