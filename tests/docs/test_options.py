@@ -41,7 +41,8 @@ def test_a_command_has_a_section_with_its_help_and_every_option(page: str, name:
     command = load(ALL[name])
     context = click.Context(command)
     assert " ".join(str(command.help).replace("\b", "").split()) in shown
-    assert "--help Show this message and exit." in shown  # click keeps the names of a first context: -h may lack
+    # click keeps the help option of a command's first context, which may lack -h in a test.
+    assert "--help Show this message and exit." in shown
     for option in command.params:
         if isinstance(option, click.Option):
             record = option.get_help_record(context)
