@@ -2,7 +2,8 @@
 
 Seen from the side, one leg hides the other at every step, and a depth sensor that loses track names them anew
 as they part. The ankles then meet without passing each other: the same foot seems to lead twice. Walking
-feet alternate, so in a depth sensor's recording nearly every such meeting is an exchange. But a person who
+feet alternate, so in a depth sensor's recording of a walk nearly every such meeting is an exchange. But in
+kicks, lunges and steps to the other foot, one leg always leads (`ankle_meetings` tells), and a person who
 turns around sets the same foot ahead twice, too. So legs that are on their own sides for a stride or more, as
 the hips and shoulders show them, were not exchanged. `swapped_limbs` finds swaps of single frames, in which
 the legs jump; here nothing jumps, because the legs are at one place.
@@ -13,7 +14,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.body_points import nodes_of
@@ -24,16 +24,11 @@ from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
 from kinemimic.pipeline.locomotion.leg_pose import is_precise
-from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
 from kinemimic.pipeline.plural import plural
+from kinemimic.pipeline.quality.rules.ankle_meetings import steps
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 
-# Of the ankles' distance, in its amplitude (1.41 times its rms): what counts as feet apart, and as feet that
-# meet in between.
-APART, PROMINENCE, MEETING = 0.4, 0.3, 0.5
-STEP_TIMES = (0.25, 1.2)  # s between feet apart and feet apart again
-MIN_AMPLITUDE = 0.10  # m; a person who stands does not step
 # s; over a whole stride, the knees' distance ahead averages out of their distance to the side, which hips
 # seen obliquely would otherwise mix with it.
 STRIDE = 1.0
@@ -73,33 +68,15 @@ def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
     even = even_pass(times, positions)
     if even is None:
         return none, 0
-    apart = even.positions[:, N["ankle_right"]] - even.positions[:, N["ankle_left"]]
-    ahead = along_heading(apart, body_heading(even.positions, RATE)[0])[:, 0]
-    amplitude = float(np.sqrt(2.0 * np.mean(ahead**2)))
-    if amplitude < MIN_AMPLITUDE:
-        return none, 0
-    distance = np.abs(ahead)
-    peaks, _ = find_peaks(
-        distance,
-        height=APART * amplitude,
-        prominence=PROMINENCE * amplitude,
-        distance=max(1, round(STEP_TIMES[0] * RATE)),
-    )
-    # Each stretch of steps has its own parity.
     aside = _aside(even.positions)
-    out = np.zeros(len(distance), dtype=np.bool_)
-    stretches: list[tuple[int, list[int]]] = [(0, [])]
-    for one, other in pairwise(peaks.tolist()):
-        meeting = int(one + np.argmin(distance[one : other + 1]))
-        if (other - one) / RATE > STEP_TIMES[1]:
-            stretches.append((one, []))
-        elif ahead[one] * ahead[other] > 0.0 and distance[meeting] < MEETING * amplitude:
-            stretches[-1][1].append(meeting)
+    out = np.zeros(len(even.times), dtype=np.bool_)
     count = 0
-    for (start, changes), end in zip(
-        stretches, [*(start for start, _ in stretches[1:]), len(out)], strict=True
-    ):
-        out[start:end] = _exchanged_parts(changes, start, end, aside)
+    # Each stretch of steps has its own parity.
+    stretches = steps(even.positions)
+    bounds = [*(one.start for one in stretches), len(out)]
+    for stretch, end in zip(stretches, bounds[1:], strict=True):
+        changes = stretch.not_passing
+        out[stretch.start : end] = _exchanged_parts(changes, stretch.start, end, aside)
         count += sum(bool(out[change] != out[change - 1]) for change in changes)
     after = np.searchsorted(even.times, times).clip(0, len(even.times) - 1)
     return out[after], count

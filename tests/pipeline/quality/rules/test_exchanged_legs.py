@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 from samples.corpus import cmu
 from samples.mirror import MIRROR
+from samples.one_leg import one_leg_leads
 from samples.walker import walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.leg_pose import is_precise
+from kinemimic.pipeline.quality.passes import find_passes, with_passes
 from kinemimic.pipeline.quality.rules import exchanged_legs
+from kinemimic.pipeline.readers.recognise import read
 
 LEGS = [N[f"{joint}_{side}"] for joint in ("knee", "ankle", "foot") for side in ("left", "right")]
 
 
-def sensor(seed: int = 0, heading: float = 0.0) -> Clip:
+def sensor(seed: int = 0, heading: float = 0.0, rate: float = 30.0) -> Clip:
     """A walk as a depth sensor sees it: bones that change their lengths."""
-    return walker(seconds=9.0, rate=30.0, noise=0.01, seed=seed, heading=heading).clip
+    return walker(seconds=9.0, rate=rate, noise=0.01, seed=seed, heading=heading).clip
 
 
 def crossings(clip: Clip) -> list[int]:
@@ -55,6 +61,29 @@ def test_legs_exchanged_from_one_crossing_to_another_come_back_exactly(seed: int
     wrong = np.linalg.norm(repaired.positions - clip.positions, axis=-1).max(axis=1) > 1e-9
     near = np.min(np.abs(np.arange(len(wrong))[:, None] - np.array(at)), axis=1) <= 2
     assert not (wrong & ~near).any()
+
+
+@pytest.mark.parametrize("rate", [15.0, 120.0])
+def test_exchanged_legs_at_other_rates(rate: float) -> None:
+    clip = sensor(rate=rate)
+    even = crossings(sensor())
+    at = [round(frame * rate / 30.0) for frame in even]
+    repaired, _ = exchanged_legs.repair(exchanged(clip, (at[3], at[5]), (at[9], at[10])))
+    wrong = np.linalg.norm(repaired.positions - clip.positions, axis=-1).max(axis=1) > 1e-9
+    near = np.min(np.abs(np.arange(len(wrong))[:, None] - np.array(at)), axis=1) <= 0.1 * rate
+    assert not (wrong & ~near).any()
+
+
+@pytest.mark.parametrize("kind", ["kick", "lunge", "step-to"])
+@pytest.mark.parametrize("rate", [15.0, 30.0, 120.0])
+@pytest.mark.parametrize("period", [0.6, 0.9])
+def test_one_leg_that_always_leads_is_no_exchange(
+    kind: Literal["kick", "lunge", "step-to"], rate: float, period: float
+) -> None:
+    """The ankles meet without passing each other, but not as a walker's do."""
+    clip = one_leg_leads(kind, rate, period, heading=0.7)
+    assert not is_precise(clip.positions)
+    assert exchanged_legs.repair(clip) == (clip, [])
 
 
 def test_a_last_step_after_a_stand_does_not_inherit_the_exchanges_of_the_walk() -> None:
@@ -122,3 +151,17 @@ def test_an_optical_walk_is_unchanged(name: str) -> None:
     clip = cmu(name)
     same, found = exchanged_legs.repair(clip)
     assert same is clip and found == []
+
+
+def test_one_leg_that_comes_back_in_front_of_a_depth_sensor(sensors: Path) -> None:
+    """Five times the foot ahead comes back beside the other one, which stands, and goes ahead again."""
+    clip = read(sensors / "azure_kinect_vicon" / "azure_positions.csv")
+    clip = with_passes(clip, find_passes(clip))
+    assert exchanged_legs.repair(clip) == (clip, [])
+
+
+def test_walks_with_exchanged_legs(captures: Path) -> None:
+    """In this walk towards a Kinect one foot would lead in two steps of three."""
+    clip = read(captures / "kinect1_andersson_gait" / "Person083_2.txt")
+    (found,) = exchanged_legs.repair(with_passes(clip, find_passes(clip)))[1]
+    assert "24 times" in found.text
