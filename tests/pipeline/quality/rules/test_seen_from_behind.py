@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples.walker import along, joined, standing, walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
@@ -66,6 +67,64 @@ def test_only_the_pass_away_from_the_sensor(moving: Moving, other_side: list[int
     repaired, (found,) = seen_from_behind.repair(there_and_back)
     assert found.frames == ((80, 159),) and "in pass 1:" in found.text
     assert np.array_equal(np.delete(repaired.positions, TOES, 1), np.delete(clip.positions, TOES, 1))
+
+
+def there_and_back(
+    other_side: list[int], rate: float, back: float, noise: float, seed: int
+) -> tuple[Clip, Clip, int]:
+    """A walk to the sensor and, for `back` seconds, away from it again, in one pass: as it was, as a Kinect
+    records it, and the first frame in which it takes the back for the front."""
+    clip = walker(seconds=4.0 + 1.2 + back, rate=rate, noise=noise, seed=seed).clip
+    turning = np.clip((clip.times - 4.0) / 1.2, 0.0, 1.0)
+    clip = along(clip, np.pi * (0.5 - 0.5 * np.cos(np.pi * turning)))
+    change = int(np.argmax(turning > 0.5))
+    positions = clip.positions.copy()
+    positions[change:] = from_behind(clip, other_side).positions[change:]
+    return clip, replace(clip, positions=positions), change
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 120.0])
+@pytest.mark.parametrize("back", [2.5, 5.0, 25.0])
+def test_a_walk_there_and_back_in_one_pass(other_side: list[int], rate: float, back: float) -> None:
+    for seed in range(2):
+        clip, recorded, change = there_and_back(other_side, rate, back, 0.015, seed)
+        repaired, (found,) = seen_from_behind.repair(recorded)
+        assert found.text.startswith("seen from behind in part of pass 0:")
+        assert found.frames == ((change, len(clip.times) - 1),)
+        assert np.array_equal(np.delete(repaired.positions, TOES, 1), np.delete(clip.positions, TOES, 1))
+
+
+def test_who_stands_after_the_way_back_faces_the_sensor_again(other_side: list[int]) -> None:
+    """Without strides nothing shows the back of a body: only the walk is repaired."""
+    clip = walker(seconds=11.0, rate=30.0, noise=0.012).clip
+    turning = np.clip((clip.times - 4.0) / 1.2, 0.0, 1.0) + np.clip((clip.times - 9.0) / 1.2, 0.0, 1.0)
+    clip = along(clip, np.pi * turning)
+    clip = joined(clip, standing(clip, 4.0, frame=-1))
+    away = np.pad(np.abs(turning - 1.0) < 0.5, (0, 120))
+    rng = np.random.default_rng(0)
+    positions = np.where(away[:, None, None], from_behind(clip, other_side).positions, clip.positions)
+    recorded = replace(clip, positions=positions + 0.01 * rng.standard_normal(positions.shape))
+    _, (found,) = seen_from_behind.repair(recorded)
+    frames = np.flatnonzero(away)
+    assert found.frames == ((frames[0], frames[-1]),)
+
+
+def test_a_turn_is_no_change_of_sides(other_side: list[int]) -> None:
+    """A sensor that sees where the body faces; and a person who goes back without turning round."""
+    clip, _, change = there_and_back(other_side, 30.0, 4.0, 0.01, 0)
+    assert seen_from_behind.repair(clip) == (clip, [])
+    positions = np.concatenate([clip.positions[:change], clip.positions[:change][::-1]])
+    times = np.arange(2 * change) / 30.0
+    same, found = seen_from_behind.repair(
+        replace(
+            clip,
+            times=times,
+            positions=positions,
+            states=np.full(positions.shape[:2], 2, dtype=np.uint8),
+            passes=np.zeros(len(times), dtype=np.int32),
+        )
+    )
+    assert np.array_equal(same.positions, positions) and found == []
 
 
 def test_real_passes_from_behind(captures: Path) -> None:
