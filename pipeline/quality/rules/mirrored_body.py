@@ -6,7 +6,8 @@ points alone cannot tell which. The names were written by a person, but the axes
 the names are kept and the body is reflected: points in the plane Y = 0, Euler channels along a level axis of
 their file. If the names were wrong instead, the curves of the left leg are those of the right. In an optical
 recording in its laboratory's own format, whose axes are right-handed, only the names can be wrong: there, the
-sides are exchanged. Bodies whose knees never bend clearly are only flagged.
+sides are exchanged. Bodies whose knees never bend clearly are only flagged. A person whom a sensor sees from
+behind all the time, without toes, looks the same; who turns round does not.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ MIN_EVIDENCE = 0.3
 # At least this share of the cases must be mirrored, of at least this many, and feet and knees must agree.
 MIN_MIRRORED_SHARE = 0.8
 MIN_CASES = 10
+# s of clear cases of one knee in which a mirrored body never is itself: hyperextension is shorter.
+WHILE = 1.0
 _REFLECTION = np.array([1.0, -1.0, 1.0])
 
 
@@ -43,7 +46,8 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     by_knees = len(knees) >= MIN_CASES
     if by_knees and np.mean(knees < 0) < (0.5 if by_feet else MIN_MIRRORED_SHARE):
         return clip, []
-    if not (by_feet or by_knees):
+    # Who is seen from behind on the way back only is not mirrored: `seen_from_behind` tells where.
+    if not (by_feet or by_knees) or (not by_feet and _is_itself_for_a_while(knees, clip.times)):
         return clip, []
     evidence = (
         *([f"feet point backward in {(feet < 0).sum()} of {len(feet)} clear cases"] if by_feet else []),
@@ -60,9 +64,11 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
         exchanged = swap_sides(clip, np.ones(frames, dtype=np.bool_), joints, curves)
         return exchanged, [Defect("mirrored", frames, "frames", "repaired", text)]
     dropped = "; recorded rotations are dropped" if clip.rotations is not None else ""
+    # Sensors that take everybody for facing them invent toes that point to the named front.
+    from_behind = "" if by_feet else ", as where a sensor sees the person from behind"
     text = (
         f"{found}; reflected left to right, names kept{dropped}; if left and right names are swapped "
-        "instead, each leg's curves are the other's"
+        f"instead{from_behind}, each leg's curves are the other's"
     )
     return reflected(clip), [Defect("mirrored", frames, "frames", "repaired", text)]
 
@@ -118,6 +124,13 @@ def foot_and_knee_directions(clip: Clip) -> tuple[Array, Array]:
         shank = unit(between(points, f"knee_{side}", f"ankle_{side}"))
         knees.append(np.sum(np.cross(thigh, shank) * left, axis=-1))
     return _clear(feet), _clear(knees)
+
+
+def _is_itself_for_a_while(knees: Array, times: Array) -> bool:
+    """Whether the knees bend backward in one of the stretches of a second."""
+    size = max(2 * MIN_CASES, round(WHILE / float(np.median(np.diff(times)))))
+    stretches = knees[: len(knees) // size * size].reshape(-1, size)
+    return bool((np.mean(stretches > 0, axis=1) >= MIN_MIRRORED_SHARE).any())
 
 
 def _clear(parts: list[Array]) -> Array:

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import asf_amc, bvh, qualisys_tsv, source_of
+from samples.walker import along, walker
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.check import check_capture
-from kinemimic.pipeline.quality.rules import (
-    mirrored_body,
-)
+from kinemimic.pipeline.quality.rules import mirrored_body, seen_from_behind
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 from kinemimic.pipeline.quality.rules.wrong_up_axis import rotated_clip
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
@@ -47,6 +47,26 @@ def test_knees_alone_reveal_a_mirror_image(moving: Moving) -> None:
     repaired, (found,) = mirrored_body.repair(replace(legs, positions=legs.positions * [1.0, -1.0, 1.0]))
     assert found.action == "repaired" and found.text.startswith("knees bend forward in")
     np.testing.assert_allclose(repaired.positions, legs.positions)
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 120.0])
+def test_a_walk_there_and_a_long_way_back_without_toes_is_not_mirrored(
+    other_side: list[int], rate: float
+) -> None:
+    """A sensor without toes that takes everybody for facing it exchanges the sides on the way back."""
+    clip = walker(seconds=30.0, rate=rate, noise=0.012).clip
+    clip = along(clip, np.pi * np.clip((clip.times - 4.0) / 1.2, 0.0, 1.0))
+    clip.positions[:, [N["foot_left"], N["foot_right"]]] = np.nan
+    away = clip.times > 4.6
+    recorded = replace(
+        clip, positions=np.where(away[:, None, None], clip.positions[:, other_side], clip.positions)
+    )
+    assert mirrored_body.repair(recorded) == (recorded, [])
+    repaired, _ = seen_from_behind.repair(recorded)
+    np.testing.assert_array_equal(repaired.positions, clip.positions)
+    # All the time from behind it looks like a mirror image: the text says so.
+    _, (found,) = mirrored_body.repair(select_frames(recorded, away))
+    assert "names are swapped instead, as where a sensor sees the person from behind" in found.text
 
 
 def test_sitting_on_the_heels_is_no_mirror_image(moving: Moving) -> None:
