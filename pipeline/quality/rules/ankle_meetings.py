@@ -25,7 +25,7 @@ STEP_TIMES = (0.25, 1.2)  # s between feet apart and feet apart again
 MIN_AMPLITUDE = 0.10  # m; a person who stands does not step
 # By how much the share of one foot in the ankles' relative movement may change where they meet: 0 of a foot
 # that goes on, over a floor or a belt, and 1 of a foot that comes back while the other one stands. A depth
-# sensor's noise scatters it: the median of a stretch of steps was at most 0.75 in 81 of 85 in Kinect v1 walks.
+# sensor's noise scatters it: the median of a stretch of steps was at most 0.75 in 81 of 85 of Kinect walks.
 MAX_CHANGE = 0.75
 # Share of the time from feet apart to feet apart that they are less than half as far apart: 1/3 of an even
 # swing from behind to ahead, 1/2 of an even swing from ahead to beside and ahead again.
