@@ -44,6 +44,8 @@ NO_FORMATS = {
     "motion",
     "mutate",
     "noiseless",
+    "one_leg",
+    "other_steps",
     "walker",
     "workbook",
 }
