@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from kinemimic.pipeline.kinematics.body_points import place
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.locomotion.even_clock import MIN_FRAMES, RATE
 from kinemimic.pipeline.locomotion.pass_gait import PassGait
+from kinemimic.pipeline.locomotion.path.belt import velocity_over_belt
 from kinemimic.pipeline.locomotion.path.ground_path import (
     MAX_ONE_FOOT,
     MAX_STRIDE_DISAGREEMENT,
@@ -90,9 +91,14 @@ def span_of(
     whole = np.array([one.cycles > 0.9 for one in strides])
     path = choose_path(root, feet, apart[whole] if whole.any() else apart, RATE, precise=precise)
     walking = frames_of(strides, phase)
+    on_belt = None
+    if path.source == "feet":
+        on_belt = velocity_over_belt(level, feet, phase, RATE, precise=precise)
+    if on_belt is not None:
+        path = replace(path, velocity=on_belt)
     velocity = along_heading(np.column_stack([path.velocity, np.zeros(len(inside))]), heading)[:, :2]
     speed = float(np.mean(velocity[walking, 0]))
-    if path.source == "feet":
+    if path.source == "feet" and on_belt is None:
         velocity[:, 0] = steady_velocity(velocity[:, 0], phase, speed)
     return Span(
         gait, precise, strides, inside, level, up, phase, heading, root, feet, apart, path, velocity, speed,

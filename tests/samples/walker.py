@@ -126,6 +126,27 @@ def in_place(clip: Clip) -> Clip:
     return replace(clip, positions=clip.positions - back)
 
 
+def on_belt(clip: Clip) -> Clip:
+    """The clip of a straight walk without its advance, as on a treadmill: its sway stays."""
+    middle = hips(clip.positions)[:, 0]
+    back = np.zeros_like(middle)
+    for axis in (0, 1):
+        back[:, axis] = np.polyval(np.polyfit(clip.times, middle[:, axis], 1), clip.times)
+    return replace(clip, positions=clip.positions - back[:, None])
+
+
+def swaying(clip: Clip, sway: Array, width: float = 0.12) -> Clip:
+    """The clip of a walk along +X whose body is sway (T,) metres to the left of two lines, `width` metres
+    apart, on which its feet stay; ankles roll a fifth of the way with it."""
+    positions = clip.positions.copy()
+    positions[..., 1] += sway[:, None]
+    for side, sign in (("left", 0.5), ("right", -0.5)):
+        hip, knee, ankle, foot = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle", "foot"))
+        positions[:, ankle, 1] = positions[:, foot, 1] = sign * width + 0.2 * sway
+        positions[:, knee, 1] = 0.5 * (positions[:, hip, 1] + positions[:, ankle, 1])
+    return replace(clip, positions=positions)
+
+
 def changing_bones(clip: Clip) -> Clip:
     """The clip as of a depth sensor: knees go up and down by 4 cm, slowly enough for filters to keep it."""
     positions = clip.positions.copy()

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.locomotion.path.odometry import FEET_ERROR, FootOdometry
 from kinemimic.pipeline.locomotion.phase.frames import frames_between
 
@@ -17,7 +17,8 @@ class GroundPath:
     """Where the speed of a bout comes from.
 
     source: "recorded" where the recorded path agrees with the feet; "feet" where the body stays in place
-    while the feet carry it, as on a treadmill, before a camera that turns with the walker, or without a root;
+    while the feet carry it, as on a treadmill, before a camera that turns with the walker, or without a root
+    (of a belt that the room shows, they give the speed of the belt: `belt`);
     "neither" where the body's path does not match its steps, as in steps to the side. disagreement:
     median distance per stride between both, over the length of the stride by the feet; velocity: (T, 2) m/s,
     the one that is used.
@@ -95,12 +96,22 @@ def steady_velocity(velocity: Array, phase: Array, speed: float) -> Array:
     """Forward velocity (T,) by the feet whose mean over each stride is the speed, if it hardly differs
     anyway.
     """
-    at = np.arange(len(phase))
-    early, late = (np.interp(phase + shift, phase, at) for shift in (-0.5, 0.5))
-    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))])
-    mean = (np.interp(late, at, travelled) - np.interp(early, at, travelled)) / np.maximum(late - early, 1.0)
-    # A part of a stride has another mean.
-    whole = np.interp(late, at, phase) - np.interp(early, at, phase) > 0.99
+    mean, whole = stride_means(velocity, phase)
     if not whole.any() or float(np.std(mean[whole])) > FEET_ERROR * abs(speed):
         return velocity
+    at = np.arange(len(phase))
     return np.asarray(velocity + np.mean(mean[whole]) - np.interp(at, at[whole], mean[whole]))
+
+
+def stride_means(values: Array, phase: Array) -> tuple[Array, Mask]:
+    """Means (T,) of values (T,) over the stride around each frame, and (T,) whether that is a whole one: a
+    part of a stride has another mean.
+
+    phase: (T,) cycles.
+    """
+    at = np.arange(len(phase))
+    early, late = (np.interp(phase + shift, phase, at) for shift in (-0.5, 0.5))
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
+    mean = (np.interp(late, at, total) - np.interp(early, at, total)) / np.maximum(late - early, 1.0)
+    whole = np.interp(late, at, phase) - np.interp(early, at, phase) > 0.99
+    return mean, whole
