@@ -19,7 +19,7 @@ from kinemimic.pipeline.locomotion.phase import fourier
 from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
 from kinemimic.retarget.feet.ground import RootPath, fit_root_path
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
-from kinemimic.retarget.feet.scale import length_scale, stance_width, with_stance_width
+from kinemimic.retarget.feet.scale import body_width, length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.strides.asymmetry import asymmetry_and_noise, asymmetry_limit
 from kinemimic.retarget.strides.loop import Loop, PooledFrames, fit_loop, pool_strides, with_mirror
@@ -44,7 +44,8 @@ class CyclicFit:
     symmetric: whether both sides were averaged, decided by
         asymmetry_deg, the rms difference of the sides, noise_deg, the rms residual about the loop (knees
         and hips), and asymmetry_limit_deg, the difference that noise explains, 0 in a precise recording
-    scale: body over person; width: metres between the ankles, scaled; abduction: radians added to both hips
+    scale: body over person; width: metres between the ankles, scaled; body_width: those that the body got;
+        abduction: radians added to both hips for it
     """
 
     motion: Motion
@@ -59,6 +60,7 @@ class CyclicFit:
     asymmetry_limit_deg: float
     scale: float
     width: float
+    body_width: float
     abduction: float
 
 
@@ -73,7 +75,8 @@ def fit_cyclic(
     neutral. Raises KinemimicError if part of the stride was never seen.
     """
     pooled = _pooled_loop(clip, bouts, symmetric)
-    return _on_body(pooled, ankle, running=bouts[0].running)
+    rigid = all(one.precise for one in bouts)
+    return _on_body(pooled, ankle, running=bouts[0].running, rigid=rigid)
 
 
 @dataclass(frozen=True)
@@ -120,8 +123,9 @@ def _pooled_loop(clip: Clip, bouts: Sequence[Bout], symmetric: bool | None) -> _
     return _PooledLoop(loop, strides, reliability, captured, mirror, asymmetry, noise, limit)
 
 
-def _on_body(pooled: _PooledLoop, ankle: AnkleMode, *, running: bool) -> CyclicFit:
-    """The average stride on the Table 1 body; ankle: as for `fit_cyclic`."""
+def _on_body(pooled: _PooledLoop, ankle: AnkleMode, *, running: bool, rigid: bool) -> CyclicFit:
+    """The average stride on the Table 1 body; ankle: as for `fit_cyclic`; rigid: whether bones keep their
+    length in all bouts."""
     loop, strides, reliability = pooled.loop, pooled.strides, pooled.reliability
     frames = max(8, round(FRAME_RATE * loop.period))
     phase = np.arange(frames) / frames
@@ -133,7 +137,9 @@ def _on_body(pooled: _PooledLoop, ankle: AnkleMode, *, running: bool) -> CyclicF
         normal = ankle == "normal" and not running
         rotations = (normal_feet if normal else neutral_feet)(rotations, phase)
     width = scale * stance_width(strides.positions)
-    rotations, abduction = with_stance_width(rotations, width)
+    # The trunk of an unsteady walk does not repeat; its feet still show how far apart they are.
+    given = body_width(width, precise=reliability.precise or (rigid and reliability.flat_feet))
+    rotations, abduction = with_stance_width(rotations, given)
     about_mean = scale * fourier.evaluate(loop.root, phase)
     path = fit_root_path(rotations, about_mean, scale * loop.speed, loop.period, running=running)
     motion = Motion(
@@ -144,7 +150,15 @@ def _on_body(pooled: _PooledLoop, ankle: AnkleMode, *, running: bool) -> CyclicF
         cyclic=True,
         cycle_offset=np.array([path.speed * loop.period, 0.0, 0.0]),
     )
-    return CyclicFit(motion=motion, path=path, scale=scale, width=width, abduction=abduction, **vars(pooled))
+    return CyclicFit(
+        motion=motion,
+        path=path,
+        scale=scale,
+        width=width,
+        body_width=given,
+        abduction=abduction,
+        **vars(pooled),
+    )
 
 
 def _of_used_legs(curves: dict[str, Array], strides: PooledFrames) -> dict[str, Array]:

@@ -13,6 +13,7 @@ from kinemimic.retarget.feet.balance import LARGEST_LEAN
 # Least R² of a loop's knee against the pooled strides, by `SensorReliability.precise`. Real walks reach 0.83
 # (optical; half of them 0.99) and 0.33 (depth sensors, whose knee is off by many degrees; half of them 0.67).
 MIN_KNEE_R2 = {True: 0.8, False: 0.3}
+WIDTH_DIFFERENCE = 0.005  # m between the ankles
 HELD_FEET = 0.04  # m by which the nodes may come away from the recording when the feet are held
 
 
@@ -41,6 +42,19 @@ def side_warnings(report: Mapping[str, Any]) -> list[str]:
     return [
         f"no stride of the {unused[0]} leg could be used: it is the mirror image of the other one, and shows "
         "nothing about a difference between the sides; retarget --no-loop keeps it as recorded"
+    ]
+
+
+def width_warnings(report: Mapping[str, Any]) -> list[str]:
+    """That a walk's feet are nearer together or farther apart than in the capture, from its gait.json."""
+    was, now = (report.get(f"stance_width_{name}m") for name in ("", "body_"))
+    if was is None or now is None or abs(was - now) < WIDTH_DIFFERENCE:
+        return []
+    wider = "its soles would pass through each other"
+    narrower = "only flat feet and bones of one length show reliably that they are farther apart"
+    return [
+        f"the body's ankles are {100 * now:.0f} cm apart, the capture's {100 * was:.0f} (scaled to the "
+        f"body): {wider if now > was else narrower}"
     ]
 
 

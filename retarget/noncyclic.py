@@ -34,7 +34,13 @@ from kinemimic.retarget.feet.contact import (
 )
 from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, in_phase_window
 from kinemimic.retarget.feet.legs import flat_feet, limit_knee_extension, neutral_feet
-from kinemimic.retarget.feet.scale import body_kinematics, length_scale, stance_width, with_stance_width
+from kinemimic.retarget.feet.scale import (
+    body_kinematics,
+    body_width,
+    length_scale,
+    stance_width,
+    with_stance_width,
+)
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.strides.excerpt import Excerpt, with_turns
@@ -61,7 +67,8 @@ class NonCyclicFit:
 
     frames: (M,) indices into the clip; positions: (M, 20, 3) along +X; phase: (M,) of the motion, 0 to 1;
     seen: (T, 20) 0 to 1, how well the sensor saw the nodes behind each rotation; scale: body over person;
-    strides: number of strides of a walk; lean: rad by which the recorded vertical was turned.
+    strides: number of strides of a walk; widths: metres between its ankles, scaled, and those that the body
+    got; lean: rad by which the recorded vertical was turned.
     """
 
     motion: Motion
@@ -72,6 +79,7 @@ class NonCyclicFit:
     seen: Array
     scale: float
     strides: float | None = None
+    widths: tuple[float, float] | None = None
     lean: float = 0.0
 
 
@@ -111,6 +119,7 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt, *, balance: bool = False) -> Non
         seen=_visibility(weights, times, grid),
         scale=scale,
         strides=None if excerpt.bout is None else float(np.ptp(excerpt.bout.phase)),
+        widths=body.widths,
         lean=body.lean,
     )
 
@@ -132,13 +141,14 @@ def _require_legs(positions: Array) -> None:
 
 @dataclass(frozen=True)
 class _OnBody:
-    """T resampled frames on the body: local rotations (T, 20, 4), root (T, 3), contacts (T, 2); lean as in
-    `NonCyclicFit`."""
+    """T resampled frames on the body: local rotations (T, 20, 4), root (T, 3), contacts (T, 2); widths and
+    lean as in `NonCyclicFit`."""
 
     reliability: SensorReliability
     rotations: Array
     root: Array
     contacts: Mask
+    widths: tuple[float, float] | None = None
     lean: float = 0.0
 
 
@@ -154,11 +164,14 @@ def _walk_on_body(
     phase = np.interp(grid, times, forward)
     if not reliability.feet:
         rotations = neutral_feet(rotations, phase)
-    rotations, _ = with_stance_width(rotations, scale * stance_width(positions))
+    width = scale * stance_width(positions)
+    # As for a loop: the trunk of an unsteady walk need not repeat.
+    given = body_width(width, precise=reliability.precise or (bout.precise and reliability.flat_feet))
+    rotations, _ = with_stance_width(rotations, given)
     hips = scale * _hips(positions, times, grid)
     root, contacts = _root_over_ground(rotations, hips, phase, running=bout.running)
     rotations, root = with_turns(rotations, root, np.interp(grid, times, excerpt.yaw))
-    return _OnBody(reliability, rotations, root, contacts)
+    return _OnBody(reliability, rotations, root, contacts, widths=(width, given))
 
 
 def _motion_on_body(
@@ -179,7 +192,7 @@ def _motion_on_body(
         rotations = flat_feet(rotations)
     root = scale * _hips(positions, times, grid)
     rotations, root, lean = upright(rotations, root, contacts, FRAME_RATE, edge)
-    return _OnBody(reliability, rotations, root, contacts, lean)
+    return _OnBody(reliability, rotations, root, contacts, lean=lean)
 
 
 def _facing(positions: Array, times: Array, grid: Array) -> Array:

@@ -30,6 +30,7 @@ from kinemimic.retarget.motion_warnings import (
     knee_warnings,
     lean_warnings,
     side_warnings,
+    width_warnings,
 )
 from kinemimic.retarget.noncyclic import NonCyclicFit
 from kinemimic.retarget.strides.climb import Climb, climb_of
@@ -67,7 +68,8 @@ def cyclic_report(
             for name, one in (("closed_form", closed), ("measures", fit))
         },
     }
-    warnings = [*climb_warnings(report), *side_warnings(report), *knee_warnings(report)]
+    warnings = [*climb_warnings(report), *width_warnings(report), *side_warnings(report)]
+    warnings += knee_warnings(report)
     warnings += departure_warnings(report)
     return _with_findings(report, [*warnings, *filter(None, [low_rate_note(clip.rate)])])
 
@@ -120,6 +122,7 @@ def _on_the_ground(fit: CyclicFit, balance: Balance | None) -> dict[str, Any]:
     return {
         "scale": _n(fit.scale),
         "stance_width_m": _n(fit.width),
+        "stance_width_body_m": _n(fit.body_width),
         "abduction_deg": _n(np.degrees(fit.abduction)),
         "balance": _balance(balance),
         "ground": {
@@ -195,7 +198,7 @@ def noncyclic_report(
     }
     what = "the longest bout" if walk else "the segment" if chosen else "the longest pass"
     warnings = [f"{why}: {what} is kept as recorded, without a loop"] if why else []
-    warnings += lean_warnings(fit.lean)
+    warnings += [*width_warnings(report), *lean_warnings(fit.lean)]
     warnings += [*held_feet_warnings(report), *filter(None, [low_rate_note(clip.rate)])]
     return _with_findings(report, warnings)
 
@@ -216,7 +219,15 @@ def _walk_as_recorded(clip: Clip, excerpt: Excerpt, fit: NonCyclicFit, motion: M
         "strides_used": _n(strides),
         "path": _path([bout]),
         "turn_deg": _n(np.degrees(excerpt.yaw[-1] - excerpt.yaw[0])),
+        **_widths(fit),
     }
+
+
+def _widths(fit: NonCyclicFit) -> dict[str, Any]:
+    """The distance between the ankles of a walk, scaled to the body, and the body's."""
+    if fit.widths is None:
+        return {}
+    return dict(zip(("stance_width_m", "stance_width_body_m"), map(_n, fit.widths), strict=True))
 
 
 def _speed_ahead(motion: Motion, times: Array, yaw: Array, bout: Bout) -> float:

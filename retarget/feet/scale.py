@@ -15,7 +15,9 @@ from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, TOTAL_MASS, node_offsets
 
-STANCE_WIDTHS = (0.08, 0.16)  # m between the ankles on the Table 1 body
+# m between the ankles on the Table 1 body: its soles are 7 cm wide and must pass each other; of feet that are
+# farther apart than walkers' usually are, a depth sensor is rather wrong.
+LEAST_WIDTH, MOST_SENSED_WIDTH = 0.08, 0.16
 _SIDES = (("left", 1.0), ("right", -1.0))
 
 
@@ -53,6 +55,14 @@ def stance_width(positions: Array) -> float:
     return float(np.nanmean(positions[:, N["ankle_left"], 1] - positions[:, N["ankle_right"], 1]))
 
 
+def body_width(width: float, *, precise: bool) -> float:
+    """Metres between the ankles that the body gets for a scaled width in metres.
+
+    precise: whether the recording shows the ankles to a centimetre.
+    """
+    return max(width, LEAST_WIDTH) if precise else float(np.clip(width, LEAST_WIDTH, MOST_SENSED_WIDTH))
+
+
 def abduct(rotations: Array, angle: float) -> Array:
     """Local rotations (T, 20, 4) with both thighs turned outward; the feet keep their orientation.
 
@@ -72,9 +82,8 @@ def abduct(rotations: Array, angle: float) -> Array:
 
 def with_stance_width(rotations: Array, width: float) -> tuple[Array, float]:
     """Local rotations (T, 20, 4) abducted so that the mean ankle distance is `width`, and the angle."""
-    target = float(np.clip(width, *STANCE_WIDTHS))
     angle = 0.0
     for _ in range(6):
         width_now = stance_width(body_kinematics(abduct(rotations, angle))[0])
-        angle += (target - width_now) / (2.0 * LEG_LENGTH)
+        angle += (width - width_now) / (2.0 * LEG_LENGTH)
     return abduct(rotations, angle), angle

@@ -28,7 +28,7 @@ from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.pipeline.live.capture import Moment
 from kinemimic.pipeline.locomotion.path.heading import along_heading, body_heading
 from kinemimic.retarget.feet.legs import limit_knee_extension
-from kinemimic.retarget.feet.scale import STANCE_WIDTHS, abduct, body_kinematics
+from kinemimic.retarget.feet.scale import abduct, body_kinematics, body_width
 from kinemimic.retarget.humanoid.body import LEG_LENGTH
 from kinemimic.retarget.live.ankles import with_neutral_ankles
 from kinemimic.retarget.live.reliability import LiveReliability
@@ -180,7 +180,7 @@ class LivePose:
         """Turn the thighs so that the body's ankles are as far apart as the person's (`feet/scale.py`)."""
         left, right = N["ankle_left"], N["ankle_right"]
         person = self.scale * float(np.mean(ahead[: now + 1, left, 1] - ahead[: now + 1, right, 1]))
-        wanted = float(np.clip(person, *STANCE_WIDTHS))
+        wanted = body_width(person, precise=False)
         found = float(np.mean(body[: now + 1, left, 1] - body[: now + 1, right, 1]))
         change = (wanted - found) / (2.0 * LEG_LENGTH)
         self._abduction += change if self._abduction == 0.0 else change / (0.5 * self._rate)

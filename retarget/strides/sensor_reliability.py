@@ -41,6 +41,7 @@ class SensorReliability:
     pelvis, torso, feet: measured (True) or neutral
     lean: radians, median pitch of the trunk, given to a neutral torso
     pitch: radians, of a neutral pelvis: the lean, and farther forward as far as the thighs' extension needs
+    flat_feet: the feet are tracked, and flat where they stand, as a depth sensor's never are
     foot_pitch: (2,) radians, pitch of the left and right sole in contact, to be subtracted
     measured: the numbers behind the decisions
     """
@@ -53,6 +54,7 @@ class SensorReliability:
     foot_pitch: tuple[float, float]
     measured: dict[str, float]
     pitch: float = 0.0
+    flat_feet: bool = False
 
 
 def assess_reliability(strides: PooledFrames) -> SensorReliability:
@@ -90,15 +92,17 @@ def assess_reliability(strides: PooledFrames) -> SensorReliability:
     pelvis_pitch = _pelvis_pitch(strides, lean)
     measured["pelvis_pitch_deg"] = float(np.degrees(pelvis_pitch))
     precise = rigidity < MAX_BONE_SPREAD and steady["pelvis"]
+    flat_feet = tracks_feet(strides.weights) and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH)
     return SensorReliability(
         precise=precise,
         pelvis=steady["pelvis"],
         torso=steady["torso"],
-        feet=precise and tracks_feet(strides.weights) and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH),
+        feet=precise and flat_feet,
         lean=lean,
         foot_pitch=(pitches[0], pitches[1]),
         measured=measured,
         pitch=pelvis_pitch,
+        flat_feet=flat_feet,
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from samples.bouts import bouts_of
 from samples.mirror import MIRROR
 from samples.other_steps import stepping
-from samples.walker import hips, stand_walk_stand
+from samples.walker import changing_bones, hips, stand_walk_stand, swaying
 from scipy.special import i0e
 
 from kinemimic.pipeline.errors import KinemimicError
@@ -19,11 +19,13 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.cyclic import LEG_HARMONICS, CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.contact import at_lowest_corner, corner_velocity, sole_positions
 from kinemimic.retarget.feet.ground import measure_path
+from kinemimic.retarget.feet.scale import stance_width
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.report import noncyclic_report
 from kinemimic.retarget.strides.asymmetry import asymmetry_and_noise
-from kinemimic.retarget.strides.excerpt import excerpt_of_pass
+from kinemimic.retarget.strides.excerpt import excerpt_of_bout, excerpt_of_pass
 from kinemimic.retarget.strides.selection import select_bouts
 
 
@@ -47,6 +49,37 @@ def test_clean_walker_comes_back(walker):
     assert max(rmse_deg(fit, w.curves).values()) < 1.0
     assert fit.reliability.precise and fit.reliability.pelvis and fit.reliability.feet
     assert fit.scale == pytest.approx(1 / w.size, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("width", "precise", "given"), [(0.28, True, None), (0.28, False, 0.16), (0.02, True, 0.08)]
+)
+def test_a_wide_gait_is_kept_of_a_precise_recording(walker, width, precise, given):
+    """As with ataxia. A depth sensor's is not believed, and soles cannot pass through each other."""
+    w = walker(seconds=6.0)
+    clip = swaying(w.clip, np.zeros(len(w.clip.times)), width)
+    clip = clip if precise else changing_bones(clip)
+    fit = loop_of(clip)
+    scaled = width * fit.scale
+    assert fit.width == pytest.approx(scaled, abs=0.002)
+    assert stance_width(fit.motion.kinematics()[0]) == pytest.approx(given or scaled, abs=0.002)
+    bouts = bouts_of(clip)
+    excerpt = excerpt_of_bout(max(bouts, key=lambda one: one.cycles), straighten=True)
+    recorded = fit_noncyclic(clip, excerpt)
+    assert stance_width(recorded.motion.kinematics()[0]) == pytest.approx(given or scaled, abs=0.002)
+    report = noncyclic_report(clip, bouts, excerpt, recorded, recorded.motion, None, "")
+    assert any("ankles are" in text for text in report["warnings"]) == (given is not None)
+
+
+def test_a_wide_gait_is_kept_though_its_pelvis_does_not_repeat(walker):
+    w = walker(seconds=6.0)
+    clip = swaying(w.clip, np.zeros(len(w.clip.times)), 0.28)
+    tilt = 0.012 * np.sin(2.0 * np.pi * clip.times / 1.7)
+    clip.positions[:, N["hip_left"], 2] += tilt
+    clip.positions[:, N["hip_right"], 2] -= tilt
+    fit = loop_of(clip)
+    assert not fit.reliability.precise and fit.reliability.flat_feet
+    assert stance_width(fit.motion.kinematics()[0]) == pytest.approx(0.28 * fit.scale, abs=0.002)
 
 
 def test_standing_before_and_after_a_walk_does_not_enter_the_loop(walker):

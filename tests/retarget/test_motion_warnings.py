@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kinemimic.retarget.motion_warnings import knee_warnings, side_warnings
+from kinemimic.retarget.motion_warnings import knee_warnings, side_warnings, width_warnings
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,18 @@ def test_a_side_that_is_only_a_mirror_image(symmetric: bool, left: int, right: i
     assert bool(found) == bool(warned)
     if warned:
         assert f"no stride of the {warned} leg could be used" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "why"),
+    [(0.03, 0.08, "soles"), (0.25, 0.16, "flat feet"), (0.078, 0.08, ""), (0.25, 0.25, "")],
+)
+def test_a_stance_that_is_not_the_captures(was: float, now: float, why: str) -> None:
+    found = width_warnings({"stance_width_m": was, "stance_width_body_m": now})
+    assert bool(found) == bool(why)
+    if why:
+        assert why in found[0] and f"{100 * now:.0f} cm apart, the capture's {100 * was:.0f} " in found[0]
+
+
+def test_a_motion_without_strides_has_no_stance() -> None:
+    assert width_warnings({}) == []

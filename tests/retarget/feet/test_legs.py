@@ -6,7 +6,13 @@ import pytest
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.feet.legs import flat_feet, limit_knee_extension, neutral_feet
-from kinemimic.retarget.feet.scale import abduct, body_kinematics, stance_width, with_stance_width
+from kinemimic.retarget.feet.scale import (
+    abduct,
+    body_kinematics,
+    body_width,
+    stance_width,
+    with_stance_width,
+)
 from kinemimic.retarget.humanoid.motion import joint_angles
 
 
@@ -64,7 +70,17 @@ def test_abduction_separates_the_ankles_and_keeps_the_feet_level():
     assert angle_between(body_kinematics(wide)[1][:, N["ankle_left"]], IDENTITY).max() < 1e-7
 
 
-@pytest.mark.parametrize(("asked", "given"), [(0.12, 0.12), (0.02, 0.08), (0.4, 0.16)])
-def test_stance_width_is_reached_within_limits(asked, given):
-    q, _ = with_stance_width(still(), asked)
-    assert stance_width(body_kinematics(q)[0]) == pytest.approx(given, abs=1e-6)
+@pytest.mark.parametrize("width", [0.08, 0.12, 0.4])
+def test_stance_width_is_reached(width):
+    q, _ = with_stance_width(still(), width)
+    assert stance_width(body_kinematics(q)[0]) == pytest.approx(width, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("asked", "sensed", "precisely"),
+    # The soles are 7 cm wide.
+    [(0.12, 0.12, 0.12), (0.02, 0.08, 0.08), (0.28, 0.16, 0.28)],
+)
+def test_a_wide_stance_is_kept_of_a_precise_recording_only(asked, sensed, precisely):
+    assert body_width(asked, precise=False) == sensed
+    assert body_width(asked, precise=True) == precisely
