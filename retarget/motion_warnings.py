@@ -51,7 +51,7 @@ def width_warnings(report: Mapping[str, Any]) -> list[str]:
     if was is None or now is None or abs(was - now) < WIDTH_DIFFERENCE:
         return []
     wider = "its soles would pass through each other"
-    narrower = "only flat feet and bones of one length show reliably that they are farther apart"
+    narrower = "only an optical recording shows reliably that they are farther apart"
     return [
         f"the body's ankles are {100 * now:.0f} cm apart, the capture's {100 * was:.0f} (scaled to the "
         f"body): {wider if now > was else narrower}"

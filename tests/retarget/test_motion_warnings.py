@@ -50,7 +50,7 @@ def test_a_side_that_is_only_a_mirror_image(symmetric: bool, left: int, right: i
 
 @pytest.mark.parametrize(
     ("was", "now", "why"),
-    [(0.03, 0.08, "soles"), (0.25, 0.16, "flat feet"), (0.078, 0.08, ""), (0.25, 0.25, "")],
+    [(0.03, 0.08, "soles"), (0.25, 0.16, "optical"), (0.078, 0.08, ""), (0.25, 0.25, "")],
 )
 def test_a_stance_that_is_not_the_captures(was: float, now: float, why: str) -> None:
     found = width_warnings({"stance_width_m": was, "stance_width_body_m": now})

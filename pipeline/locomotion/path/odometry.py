@@ -54,7 +54,11 @@ RUNNING_LIFT = 0.14
 # Steps as quick as these (s of a stride) are a runner's from a lower lift on. Legs shorter than an adult's
 # (m) swing faster in walking too, as pendulums do.
 QUICK_STRIDE, QUICK_LIFT, ADULT_LEG = 0.82, 0.08, 0.75
-LEAST_VAULT = 0.001  # m, of the hips' wave in a step: less is no vault, as in poses without a root
+# Share of the leg, of the hips' wave in a step: brisk walkers have 0.013 to 0.018. Less is no vault: where
+# the root was left out, the hips still move by up to 0.004 about the point that is fixed in its place.
+LEAST_VAULT = 0.006
+# m rms of the lowest ankle or toes: as level as no walker's (11 to 45 mm), so the height was made from them.
+LEVEL = 4e-3
 FEET_ERROR = 0.08  # of the speed of single strides by the feet
 _SMOOTHING = 0.03  # s, of the velocity
 
@@ -81,7 +85,7 @@ def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *
     """
     root = place(positions, "hips")
     pose = positions - root[:, None]
-    vaults = _vaults(root[:, 2], phase)
+    vaults = _vaults(positions, phase)
     if _steps_backward(pose, phase):
         # Walking backward is walking forward in reversed time.
         reverse = _forward_odometry(pose[::-1], heading[::-1], -phase[::-1], rate, vaults=vaults, toes=toes)
@@ -147,24 +151,31 @@ def is_running_pose(pose: Array, phase: Array, rate: float) -> bool:
     both = np.concatenate(lifts)
     if not len(both):
         return False
-    leg = np.median(
-        np.linalg.norm(pose[:, N["hip_left"]] - pose[:, N["knee_left"]], axis=-1)
-        + np.linalg.norm(pose[:, N["knee_left"]] - pose[:, N["ankle_left"]], axis=-1)
-    )
+    leg = _leg_length(pose)
     stride = len(phase) / rate / max(float(np.ptp(phase)), 1e-9)
     quick = QUICK_STRIDE * np.sqrt(min(1.0, leg / ADULT_LEG))
     least = QUICK_LIFT if stride < quick else RUNNING_LIFT
     return bool(np.median(both) > least * leg)
 
 
-def _vaults(height: Array, phase: Array) -> bool:
+def _leg_length(positions: Array) -> float:
+    """Metres from hip to ankle along the left leg, for positions (T, 20, 3)."""
+    hip, knee, ankle = (positions[:, N[f"{joint}_left"]] for joint in ("hip", "knee", "ankle"))
+    return float(np.median(np.linalg.norm(hip - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
+
+
+def _vaults(positions: Array, phase: Array) -> bool:
     """Whether the hips are lowest when the feet are farthest apart: a walker vaults over the foot in stance,
     a runner bounces. The rear foot alone does not tell: in a brisk walk its heel, and down a slope the whole
-    foot, is as high as a jogger's. height: (T,) metres of the hips.
+    foot, is as high as a jogger's.
     """
+    ankles, toes = (positions[:, [N[f"{joint}_{side}"] for side in SIDES], 2] for joint in ("ankle", "foot"))
+    for heights in (ankles, toes, np.concatenate([ankles, toes], axis=1)):
+        if np.std(heights.min(axis=1)) < LEVEL:  # every frame was put on the ground, a runner's flight too
+            return False
     columns = np.column_stack([fourier.design(2.0 * phase, 1), phase])
-    _, apart, _, _ = np.linalg.lstsq(columns, height)[0]
-    return bool(apart < -LEAST_VAULT)
+    _, apart, _, _ = np.linalg.lstsq(columns, place(positions, "hips")[:, 2])[0]
+    return bool(apart < -LEAST_VAULT * _leg_length(positions))
 
 
 def _steps_backward(pose: Array, phase: Array) -> bool:

@@ -261,3 +261,24 @@ def test_a_walker_whose_path_sinks_does_not_run(sensors, tmp_path):  # type: ign
     convert(tmp_path)
     (one,) = bouts_of(on_nodes(read_converted(tmp_path)))
     assert not one.running
+
+
+@pytest.mark.parametrize("fixed", ["hip_center", "spine"])
+@pytest.mark.parametrize("length", [1.0, 0.55])
+def test_a_runner_whose_root_was_left_out_runs(fixed: str, length: float) -> None:
+    """The hips still move a little about the point that is fixed."""
+    clip = stepping_as("run", length=length)
+    still = clip.positions - clip.positions[:, [N[fixed]]]
+    found = bouts_of(replace(clip, positions=still + np.array([0.0, 0.0, 1.0])))
+    assert found and all(bout.running for bout in found)
+
+
+@pytest.mark.parametrize("lowest", [("foot",), ("ankle", "foot")])
+def test_a_runner_whose_frames_were_put_on_the_ground_one_by_one_runs(lowest: tuple[str, ...]) -> None:
+    """Without the flight, the hips are lowest when the feet are farthest apart."""
+    clip = stepping_as("run", length=0.7)
+    nodes = [N[f"{joint}_{side}"] for joint in lowest for side in ("left", "right")]
+    positions = clip.positions.copy()
+    positions[..., 2] -= clip.positions[:, nodes, 2].min(axis=1)[:, None]
+    found = bouts_of(replace(clip, positions=positions))
+    assert found and all(bout.running for bout in found)
