@@ -1,4 +1,4 @@
-# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, FROM=, FROM_SCRATCH=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command
+# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, FROM=, TEACHERS=, FROM_SCRATCH=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command
 # line. Without RUN=, the run folder is named after the capture, so CAPTURE= alone selects it for every stage. POLICY= names a
 # policy that ships; CAPTURE= is then the recording that it was trained on, which only some policies need. POLICY=tracker
 # performs any capture.
@@ -11,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 KINEMIMIC = $(BIN)/kinemimic
 SHIPPED = $(if $(POLICY),--policy "$(POLICY)" $(if $(filter-out tracker,$(POLICY)),$(if $(CAPTURE),--capture "$(CAPTURE)")))
-TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(FROM),--from "$(FROM)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
+TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(FROM),--from "$(FROM)") $(if $(TEACHERS),--teachers "$(TEACHERS)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # An editable install in strict mode links the package's files one by one: added or removed files require a
 # new install, edited files do not. The name of the stamp therefore has a digest of the list of files.
@@ -98,7 +98,7 @@ convert: setup ## Convert Euler angles or positions to quaternions
 retarget: setup ## Fit the capture to the 20 nodes and the humanoid; JSON and MCAP
 	$(KINEMIMIC) retarget --run "$(RUN)"
 
-train: setup ## Train a policy that imitates the motion (PRESET= FROM=tracker BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
+train: setup ## Train a policy that imitates the motion (PRESET= FROM=tracker TEACHERS= BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING) $(if $(SCENARIO),--scenario "$(SCENARIO)")
 
 evaluate: setup ## Score the policy: report, curves (POLICY=walk for a shipped one)

@@ -96,6 +96,15 @@ def train(
     device: "cuda" updates the networks of DDPG, TD3 and SAC on a GPU. Its rounding differs from the CPU's,
     and SAC draws other actions there.
     """
+    if config is not None and teachers is not None:
+        raise KinemimicError(
+            "train: expected config or teachers, found both; teachers have settings of their own"
+        )
+    if teachers is not None and run.resolve().is_relative_to(teachers.resolve()):
+        raise KinemimicError(
+            f"--teachers {teachers}: expected policies outside of {run}, which training replaces; train into "
+            "another run folder"
+        )
     if config is not None and start is not None:
         raise KinemimicError("train: expected config or start, found both; start has settings of its own")
     if start is not None and tracker_path(start).resolve().parent == run.resolve():
@@ -162,8 +171,11 @@ def _train(
     threads = min(count, local_cores())
     torch.set_num_threads(threads if config.baseline is None else 1)
     if config.joining is not None:
-        if minutes is not None:
-            raise KinemimicError(f"--preset {OBSTACLES}: expected lessons of a fixed length, found --minutes")
+        if minutes is not None or not where.shares_disk:
+            found = "--ray" if minutes is None else "--minutes"
+            raise KinemimicError(
+                f"--preset {OBSTACLES}: expected lessons of a fixed length here, found {found}"
+            )
         return joined(run, motion, settings, threads, engine, timer, resume=resume)
     algorithm = _algorithm(config, motion, engine, count, device)
     if settings.initial is not None:
@@ -275,7 +287,10 @@ def _runner(
     "--resume/--no-resume", default=True, show_default=True, help="Resume from the run's checkpoint."
 )
 @click.option(
-    "--scenario", "named", metavar="NAME", help="Scenario to train in: a shipped one, or a TOML file."
+    "--scenario",
+    "named",
+    metavar="NAME",
+    help="Scenario to train in: a shipped one, or a TOML file. Not with --preset obstacles.",
 )
 @click.option("--profile", is_flag=True, help="Also print what the time was spent on.")
 @json_option("Print the policy's record as JSON.")

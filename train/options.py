@@ -40,7 +40,9 @@ training_options = option_group(
         "4.75M; with --from standing 500k. Not with --preset obstacles.",
     ),
     click.option(
-        "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."
+        "--minutes",
+        type=MINUTES,
+        help="Stop after this training time, even if the budget is not used up. Not with --preset obstacles.",
     ),
     seed_option(),
     engine_option,

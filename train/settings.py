@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -66,10 +66,15 @@ def settings_for(
             )
     if config is None:
         config = from_random_weights(preset_name, seed)
-    require_teachers(preset_name, teachers)
+    given = {"budget": budget, "scenario": scenario}
+    require_teachers(preset_name, teachers, [name for name, value in given.items() if value is not None])
     if config.joining is not None and teachers is not None:
-        _require_lessons(motion, budget, scenario)
-        return Settings(config, initial, 0, load_teachers(teachers, config.env))
+        if not motion.cyclic:
+            raise KinemimicError(
+                f"--preset {OBSTACLES}: expected a walk or run that repeats itself, found a motion that does "
+                "not; retarget without --as-recorded"
+            )
+        return Settings(config, initial, 0, load_teachers(Path(teachers), config.env))
     if scenario is not None:
         config = replace(config, env=replace(config.env, scenario=scenario))
     if config.env.scenario is not None:
@@ -82,8 +87,11 @@ def settings_for(
     return Settings(config, initial, reserved)
 
 
-def require_teachers(preset_name: str, teachers: Path | str | None) -> None:
-    """KinemimicError unless there are teachers for the preset `obstacles`, and for no other."""
+def require_teachers(preset_name: str, teachers: Path | str | None, limits: Iterable[str] = ()) -> None:
+    """KinemimicError unless there are teachers for the preset `obstacles`, and for no other.
+
+    limits: options that were given for the length or the task of the training, which its lessons cannot have.
+    """
     if preset_name != OBSTACLES and teachers is not None:
         raise KinemimicError(f"--teachers: expected --preset {OBSTACLES}, found {preset_name}")
     if preset_name == OBSTACLES and teachers is None:
@@ -91,19 +99,10 @@ def require_teachers(preset_name: str, teachers: Path | str | None) -> None:
             f"--preset {OBSTACLES}: expected --teachers, a folder of policies trained among obstacles, found "
             "none; `kinemimic compare RUN@several-obstacles --preset td3 --seeds 3 --budgets 1e6` trains some"
         )
-
-
-def _require_lessons(motion: Motion, budget: int | None, scenario: Scenario | None) -> None:
-    """KinemimicError for a motion and options that lessons cannot have."""
-    where = f"--preset {OBSTACLES}"
-    if not motion.cyclic:
+    for limit in limits if preset_name == OBSTACLES else ():
         raise KinemimicError(
-            f"{where}: expected a walk or run that repeats itself, found a motion that does not; "
-            "retarget without --as-recorded"
+            f"--preset {OBSTACLES}: expected lessons of a fixed length and task, found --{limit}"
         )
-    if budget is not None or scenario is not None:
-        found = "--budget" if scenario is None else "--scenario"
-        raise KinemimicError(f"{where}: expected lessons of a fixed length and task, found {found}")
 
 
 def from_start(name: str, preset_name: str, seed: int = 0) -> tuple[Policy, TrainConfig]:

@@ -117,6 +117,8 @@ def _require_recipe(
     }
     if recipe.recording is not None:
         expected["recording"] = (recording(recipe.recording).sha256, capture.get("sha256"))
+    if recipe.teachers_folder is not None:
+        expected["teachers"] = (_teachers(recipe.teachers_folder, record), record["joining"]["teachers"])
     if recipe.stock is not None:
         expected["stock motion"] = (f"humanoid3d_{recipe.stock}.txt", capture.get("source"))
     for what, (wanted, found) in expected.items():
@@ -124,6 +126,14 @@ def _require_recipe(
             raise KinemimicError(
                 f"{run}: {what}: expected {wanted!r} as in the recipe {recipe.name!r}, found {found!r}"
             )
+
+
+def _teachers(folder: Path, record: Mapping[str, Any]) -> str:
+    """Content hash of the teachers in a folder, of a policy with this record."""
+    from kinemimic.train.config.config import TrainConfig  # noqa: PLC0415 (import cost)
+    from kinemimic.train.recovery.teachers import load_teachers  # noqa: PLC0415 (import cost)
+
+    return load_teachers(folder, TrainConfig.from_json(record["config"]).env).identity
 
 
 def _start(recipe: Recipe) -> str:
@@ -152,6 +162,12 @@ def reproduce(
     that fails does not affect the others; KinemimicError names those that failed, at the end.
     """
     sources = [capture_of(recipe, captures) for recipe in wanted]
+    for recipe in wanted:
+        if recipe.teachers_folder is not None and not recipe.teachers_folder.is_dir():
+            raise KinemimicError(
+                f"{recipe.name}: expected its teachers in {recipe.teachers_folder}, found none; a clone of "
+                "the repository has them, an installed package has not"
+            )
     if ray is not None:
         return _on_nodes(ray, wanted, sources, runs, into, engine or "auto", quiet=quiet)
     made: list[Path] = []

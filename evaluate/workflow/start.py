@@ -24,13 +24,17 @@ def require_start(training: Mapping[str, Any], *, from_scratch: bool) -> None:
     if start is not None and from_scratch:
         raise KinemimicError("--from-scratch: expected no --from, found both; leave out one")
     # Import cost.
+    from kinemimic.train.recovery.teachers import load_teachers  # noqa: PLC0415
     from kinemimic.train.settings import from_random_weights, from_start, require_teachers  # noqa: PLC0415
 
     if start is None:
         from_random_weights(preset_name or "default")
     else:
-        from_start(start, preset_name or "default")
-    require_teachers(preset_name or "default", teachers)
+        _, config = from_start(start, preset_name or "default")
+    limits = [name for name in ("budget", "minutes") if training.get(name) is not None]
+    require_teachers(preset_name or "default", teachers, limits)
+    if start is not None and teachers is not None:
+        load_teachers(Path(teachers), config.env)
 
 
 def without_training(

@@ -19,6 +19,7 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train import settings
+from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.from_tracker import BUDGETS, OBSTACLE_POLISH, from_tracker
 from kinemimic.train.config.joining import Joining
 from kinemimic.train.recovery import joining
@@ -36,10 +37,11 @@ def train(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> It
     small = Joining(rounds=2, humanoids=4)
     monkeypatch.setattr(settings, "from_tracker", lambda *given: replace(from_tracker(*given), joining=small))
     monkeypatch.setattr(joining, "_AMONG_OBSTACLES", 20)
-    monkeypatch.setattr(joining, "parallel_map", lambda _, tests, *, workers: [*map(measured, tests)])
+    monkeypatch.setattr(joining, "parallel_map", lambda _, tests, *, workers: measured(tests))
 
-    def measured(test: joining._Test) -> tuple[float, float]:
-        return 0.5, 0.4 if test.teachers is None else 0.6
+    def measured(tests: list[joining._Test]) -> list[tuple[float, float]]:
+        """The teachers help, and the last round is the best."""
+        return [(0.5, 0.4 + 0.1 * k) for k in range(len(tests))]
 
     tracker = write_idle_tracker(tmp_path / "tracker")
     teachers = write_teacher(tmp_path / "teachers" / "policy.safetensors", motion, leans=0.05).parent
@@ -103,9 +105,15 @@ def test_interrupted_and_resumed_it_comes_to_the_same_policy(
     assert fits == [2, 1, 2]
 
 
-def test_its_lessons_have_no_limit_of_time(train: Train) -> None:
-    with pytest.raises(KinemimicError, match="expected lessons of a fixed length, found --minutes"):
+def test_its_lessons_have_no_limit_of_time_and_its_teachers_are_elsewhere(
+    train: Train, tmp_path: Path
+) -> None:
+    with pytest.raises(KinemimicError, match="expected lessons of a fixed length here, found --minutes"):
         train("run", minutes=1.0)
+    with pytest.raises(KinemimicError, match=r"expected policies outside of .*run, which training replaces"):
+        train("teachers/run")
+    with pytest.raises(KinemimicError, match="expected config or teachers, found both"):
+        train("run", config=TrainConfig())
 
 
 def test_the_budget_is_that_of_its_lessons() -> None:

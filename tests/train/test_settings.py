@@ -66,7 +66,7 @@ def test_joining_needs_teachers_a_loop_and_nothing_else(motion: Motion, tmp_path
         ("expected --from robust_walk, or a tracker", partial(settings_for, motion, preset_name="obstacles")),
         ("--preset obstacles: expected --teachers, a folder of", partial(joining, motion)),
         ("expected a walk or run that repeats itself", partial(joining, ending, teachers=teachers)),
-        ("a fixed length and task, found --budget", partial(joining, motion, teachers=teachers, budget=9)),
+        ("fixed length and task, found --budget", partial(joining, motion, teachers=teachers, budget=9)),
         ("found --scenario", partial(joining, motion, teachers=teachers, scenario=find_scenario("slopes"))),
         (
             "expected --preset obstacles, found default",

@@ -44,7 +44,7 @@ class TrainConfig:
     in total; max_budget: as long as no evaluation walks, training goes on to these, 0 to end at the budget.
     start: SHA-256 of the policy from which training starts, "" for random weights. learning_control: before
     the first round and after the last, None for none. recovery: learned after the last, None for none.
-    joining: after the last, with the policy from which training started, None for none.
+    joining: with teachers, instead of any rounds, None for none.
     Schedules are points (samples, value), linear in between.
 
     RecordError (a ValueError) for a count below 1, a factor of 0 or less, if `horizon` is not a multiple of

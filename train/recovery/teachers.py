@@ -64,7 +64,9 @@ def load_teachers(folder: Path, pupil: EnvConfig) -> Teachers:
         policy, record = Policy.load(path)
         env = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",)).env
         if env.scenario is None or not env.scenario.obstacles:
-            raise KinemimicError(f"{path}: expected a policy trained among obstacles, found one that was not")
+            raise KinemimicError(
+                f"{path}: expected a policy trained in a scenario with obstacles, found one that was not"
+            )
         policies.append(policy)
         tasks.append(env)
     if not policies:
@@ -73,17 +75,21 @@ def load_teachers(folder: Path, pupil: EnvConfig) -> Teachers:
             "`kinemimic compare RUN@several-obstacles --preset td3 --seeds 3 --budgets 1e6` trains three"
         )
     if any(env != tasks[0] for env in tasks):
-        raise KinemimicError(f"{where}: expected policies of one preset and scenario, found several")
-    if tasks[0].observed_obstacles or not same_actions(tasks[0], pupil):
+        raise KinemimicError(f"{where}: expected policies of one task, found several")
+    if tasks[0].observed_obstacles:
+        raise KinemimicError(f"{where}: expected policies that do not observe obstacles, found some that do")
+    if not same_actions(tasks[0], pupil):
         raise KinemimicError(f"{where}: expected policies whose actions correct the reference, found others")
     return Teachers(tuple(policies), tasks[0])
 
 
 def _longest_trained(folder: Path) -> list[Path]:
-    """Of each folder with policies, the one of the most samples."""
+    """Of each folder with policies, the one of the most samples; none of what a run folder has set aside."""
     longest: dict[Path, tuple[int, Path]] = {}
     for path in sorted(folder.rglob("policy*.safetensors")):
-        if ".previous" not in path.suffixes:
-            samples = int(read_record(path.with_suffix(".json")).get("samples", 0))
-            longest[path.parent] = max(longest.get(path.parent, (-1, path)), (samples, path))
+        aside = {"outdated", "simulate"} & set(path.relative_to(folder).parts)
+        if ".previous" not in path.suffixes and not aside:
+            samples = read_record(path.with_suffix(".json")).get("samples")
+            rank = samples if isinstance(samples, int) else 0
+            longest[path.parent] = max(longest.get(path.parent, (-1, path)), (rank, path))
     return [path for _, path in longest.values()]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from kinemimic.train.config.budget import short
-from kinemimic.train.config.from_tracker import BUDGETS, TRAIN_OPTIONS
+from kinemimic.train.config.from_tracker import BUDGETS, OBSTACLE_POLISH, TRAIN_OPTIONS
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.config.tracker import TRACKER_PRESETS
 from kinemimic.train.config.training import Training
@@ -201,6 +201,12 @@ def _advice(
         return
     if training.preset in TRACKER_PRESETS:
         yield f"Train it further on this motion: `kinemimic train{where} --from {training.preset}`."
+        return
+    if training.preset == OBSTACLE_POLISH:
+        yield (
+            "Try other teachers (`--teachers`), or another `--seed`; `joining` in policy.json says how many "
+            "obstacles the teachers survive."
+        )
         return
     options = where if training.preset in ("", "default") else f"{where} --preset {training.preset}"
     budget = PRESETS.get(training.preset, PRESETS["default"]).budget

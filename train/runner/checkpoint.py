@@ -30,7 +30,7 @@ CHECKPOINT = "checkpoint.safetensors"
 CURVES = "tensorboard"  # the folder of the events beside it
 CHECKPOINT_SCHEMA = 7
 # What follows the training, and whether it does, is not part of its state; short trainings have neither.
-_ANY_BUDGET = dict.fromkeys(("budget", "max_budget", "recovery", "joining"))
+_ANY_BUDGET = dict.fromkeys(("budget", "max_budget", "recovery"))
 _ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
 
 Arrays = dict[str, NDArray[Any]]

@@ -10,6 +10,7 @@ import pytest
 from peers.teachers import config_among_obstacles, write_teacher
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import read_json, write_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.tracker import tracker_config
 from kinemimic.train.recovery.teachers import TaughtActions, load_teachers
@@ -25,7 +26,10 @@ def test_of_each_folder_the_policy_of_the_most_samples_teaches(walk: Motion, tmp
         for samples in (900, 1_000, 200):
             path = tmp_path / f"seed{seed}" / f"policy-{samples}.safetensors"
             write_teacher(path, walk, leans=samples + seed, samples=samples)
-    write_teacher(tmp_path / "seed0" / "policy.previous.safetensors", walk, samples=9_999)
+    for aside in ("policy.previous", "outdated/1/policy", "simulate/a/policy"):
+        write_teacher(tmp_path / "seed0" / f"{aside}.safetensors", walk, samples=9_999)
+    unknown = tmp_path / "seed0" / "policy-200.json"
+    write_json(unknown, {**read_json(unknown), "samples": None})
     found = load_teachers(tmp_path, TRACKER)
     assert [one.layers[-1][1][0] for one in found.policies] == [1_000.0, 1_001.0]
     assert found.env == config_among_obstacles().env
@@ -56,14 +60,17 @@ def test_folders_that_cannot_teach_are_refused(walk: Motion, tmp_path: Path) -> 
     ):
         write_teacher(tmp_path / name / "policy.safetensors", walk, config=config)
     (tmp_path / "empty").mkdir()
+    seeing = config_among_obstacles(observed_obstacles=2)
+    write_teacher(tmp_path / "seeing" / "policy.safetensors", walk, config=seeing)
     for name, reason in (
         ("empty", "expected a folder with policies trained among obstacles, found none"),
         ("nosuch", "expected a folder with policies trained among obstacles, found none"),
         (
             "free",
-            "free/policy.safetensors: expected a policy trained among obstacles, found one that was not",
+            "free/policy.safetensors: expected a policy trained in a scenario with obstacles",
         ),
-        ("good", "expected policies of one preset and scenario, found several"),
+        ("good", "expected policies of one task, found several"),
+        ("seeing", "expected policies that do not observe obstacles, found some that do"),
         ("blind", "expected policies whose actions correct the reference, found others"),
     ):
         with pytest.raises(KinemimicError, match=reason):

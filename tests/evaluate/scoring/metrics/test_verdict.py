@@ -182,6 +182,12 @@ def test_the_next_command_keeps_the_settings(preset: str, command: str):
     assert f"`kinemimic train {command}`" in found.advice
 
 
+def test_a_joined_policy_is_not_trained_longer():
+    found = verdict(scores(upright=0, median=9.0, train={"preset": "obstacle-polish", "samples": 1_088_640}))
+    assert "Try other teachers (`--teachers`)" in found.advice
+    assert "--budget" not in found.advice
+
+
 def test_more_samples_are_not_the_answer_to_everything():
     found = verdict(scores(upright=0, median=9.0, train={"samples": 4_000_000, "budget": 4_000_000}))
     assert "Train longer" not in found.advice
