@@ -23,6 +23,7 @@ NOT_RUN: dict[str, str] = {
     "kinemimic compare * --search *": "trains sixteen variants; the baselines are an extra",
     "kinemimic compare * --ablation*": "trains twelve variants",
     "kinemimic compare *@*": "trains the baselines, which are an extra, in a scenario",
+    "kinemimic train * --teachers *": "takes lessons for half an hour; tests/train takes small ones",
     "kinemimic reproduce*": "trains the policies that ship for hours",
     "kinemimic library * --variants *": "draws variants for minutes; tests/evaluate/library draws a few",
     "kinemimic train-tracker *": "trains for hours; tests/train/tracker trains for some rounds",
