@@ -30,6 +30,7 @@ MAX_CHANGE = 0.75
 # Share of the time from feet apart to feet apart that they are less than half as far apart: 1/3 of an even
 # swing from behind to ahead, 1/2 of an even swing from ahead to beside and ahead again.
 MAX_TOGETHER = 0.42
+FEWEST = 4  # meetings of which that is asked: two strides
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,9 @@ class Steps:
         # A single meeting is noisy; people do not change between walking and kicking from step to step.
         if not found or float(np.median([meeting.change for meeting in found])) > MAX_CHANGE:
             return []
-        if float(np.median([meeting.together for meeting in self.meetings])) > MAX_TOGETHER:
+        # A few short steps, as where somebody turns round, are no gait of one leg that always leads.
+        together = float(np.median([meeting.together for meeting in self.meetings]))
+        if len(self.meetings) >= FEWEST and together > MAX_TOGETHER:
             return []
         return [meeting.sample for meeting in found]
 
