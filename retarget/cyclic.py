@@ -137,8 +137,7 @@ def _on_body(pooled: _PooledLoop, ankle: AnkleMode, *, running: bool, rigid: boo
         normal = ankle == "normal" and not running
         rotations = (normal_feet if normal else neutral_feet)(rotations, phase)
     width = scale * stance_width(strides.positions)
-    # The trunk of an unsteady walk does not repeat; its feet still show how far apart they are.
-    given = body_width(width, precise=reliability.precise or (rigid and reliability.flat_feet))
+    given = body_width(width, precise=reliability.shows_width(rigid))
     rotations, abduction = with_stance_width(rotations, given)
     about_mean = scale * fourier.evaluate(loop.root, phase)
     path = fit_root_path(rotations, about_mean, scale * loop.speed, loop.period, running=running)

@@ -165,8 +165,7 @@ def _walk_on_body(
     if not reliability.feet:
         rotations = neutral_feet(rotations, phase)
     width = scale * stance_width(positions)
-    # As for a loop: the trunk of an unsteady walk need not repeat.
-    given = body_width(width, precise=reliability.precise or (bout.precise and reliability.flat_feet))
+    given = body_width(width, precise=reliability.shows_width(bout.precise))
     rotations, _ = with_stance_width(rotations, given)
     hips = scale * _hips(positions, times, grid)
     root, contacts = _root_over_ground(rotations, hips, phase, running=bout.running)

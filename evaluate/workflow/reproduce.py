@@ -118,7 +118,8 @@ def _require_recipe(
     if recipe.recording is not None:
         expected["recording"] = (recording(recipe.recording).sha256, capture.get("sha256"))
     if recipe.teachers_folder is not None:
-        expected["teachers"] = (_teachers(recipe.teachers_folder, record), record["joining"]["teachers"])
+        taught_by = record.get("joining", {}).get("teachers")
+        expected["teachers"] = (_teachers(recipe.teachers_folder, record), taught_by)
     if recipe.stock is not None:
         expected["stock motion"] = (f"humanoid3d_{recipe.stock}.txt", capture.get("source"))
     for what, (wanted, found) in expected.items():

@@ -56,6 +56,13 @@ class SensorReliability:
     pitch: float = 0.0
     flat_feet: bool = False
 
+    def shows_width(self, rigid: bool) -> bool:
+        """Whether the recording shows how far apart the ankles are; rigid: whether bones keep their length.
+
+        The trunk of an unsteady walk does not repeat; its feet still show it.
+        """
+        return self.precise or (rigid and self.flat_feet)
+
 
 def assess_reliability(strides: PooledFrames) -> SensorReliability:
     """The reliability of pooled strides, from their repeatability and bone lengths."""

@@ -11,6 +11,7 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, r
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import node_offsets
+from samples.walker import clip_of_nodes
 
 _SIZE, _LEG = 1.1, 0.9  # of the person; m from the hip to the ankle
 
@@ -51,10 +52,4 @@ def one_leg_leads(
     p, _ = forward_kinematics(skeleton, places, q)
     p = rotate(from_axis_angle("Z", heading), p)
     p += noise * np.random.default_rng(seed).standard_normal(p.shape)
-    return Clip(
-        skeleton=node_skeleton(),
-        times=t,
-        positions=p,
-        states=np.full(p.shape[:2], 2, dtype=np.uint8),
-        passes=np.zeros(len(t), dtype=np.int32),
-    )
+    return clip_of_nodes(t, p)

@@ -7,9 +7,9 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import SIDES, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import SIDES
 from samples.motion import walk
-from samples.walker import hips
+from samples.walker import clip_of_nodes, hips
 
 STRETCHED = 0.999  # of the leg: as far as an ankle goes from its hip
 
@@ -47,13 +47,7 @@ def stepping(
         positions[:, foot] = targets[side] + joints[:, foot] - joints[:, ankle]
         positions[:, ankle] = targets[side]
         positions[:, knee] = _knee(positions[:, hip], targets[side], *lengths[side])
-    return Clip(
-        skeleton=node_skeleton(),
-        times=times,
-        positions=positions,
-        states=np.full(positions.shape[:2], 2, dtype=np.uint8),
-        passes=np.zeros(len(times), dtype=np.int32),
-    )
+    return clip_of_nodes(times, positions)
 
 
 def _knee(hip: Array, ankle: Array, thigh: Array, shank: Array) -> Array:

@@ -120,6 +120,17 @@ def hips(positions: Array) -> Array:
     return 0.5 * (positions[:, [N["hip_left"]]] + positions[:, [N["hip_right"]]])
 
 
+def clip_of_nodes(times: Array, positions: Array) -> Clip:
+    """One pass of the 20 nodes (T, 20, 3), all of them tracked."""
+    return Clip(
+        skeleton=node_skeleton(),
+        times=times,
+        positions=positions,
+        states=np.full(positions.shape[:2], 2, dtype=np.uint8),
+        passes=np.zeros(len(times), dtype=np.int32),
+    )
+
+
 def in_place(clip: Clip) -> Clip:
     """The clip with the hips above one point of the ground, as on a treadmill."""
     back = hips(clip.positions) * [1.0, 1.0, 0.0]
@@ -230,13 +241,7 @@ def stand_walk_stand(
     )
     for stand in still:
         p[stand] = p[stand][0]
-    return Clip(
-        skeleton=node_skeleton(),
-        times=t,
-        positions=p,
-        states=np.full(p.shape[:2], 2, dtype=np.uint8),
-        passes=np.zeros(len(t), dtype=np.int32),
-    )
+    return clip_of_nodes(t, p)
 
 
 def before_turning_camera(clip: Clip, distance: float = 3.0) -> Clip:
