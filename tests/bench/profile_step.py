@@ -30,16 +30,12 @@ FREQUENCY = 1999  # samples a second; odd, not to beat with anything
 # The first that matches counts. The small functions of vectors that were not inlined serve all groups.
 GROUPS = (
     ("stable PD", r"^StablePd"),
-    (
-        "contacts: the figure's answer to each",
-        r"calcAccelerationDeltas|fillConstraintJacobian|fillContactJacobian",
-    ),
-    ("contacts: solver", r"[Cc]onstraint|resolve|Solver(?!.*Island)|applyDelta"),
+    ("contacts: impulses", r"^Contacts|^Dynamics::(resolve|add_points)|^ContactSolver|^btMultiBodyConstraintSolver"),
+    ("articulated-body algorithm", r"^Articulation|^Dynamics|ArticulatedBody"),
     (
         "contacts: detection",
         r"Collision(?!Object)|Manifold|Dbvt|leaf|[Bb]roadphase|Aabb|Shape|Convex|Gjk|Island|Dispatch",
     ),
-    ("articulated-body algorithm", r"ArticulatedBody|solveImatrix|Spatial|mulMatrix"),
     ("kinematics and integration", r"^Kinematics|[Kk]inematic|Positions|Transforms|Velocit|^Figure"),
     ("copying in and out", r"^Batch|_Function_handler|write|pybind11|checked|mem(cpy|move|set)"),
     ("memory", r"malloc|free|cfree|operator (new|delete)|AlignedObjectArray|[Aa]lloc"),

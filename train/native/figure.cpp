@@ -26,20 +26,17 @@ std::unique_ptr<btCollisionShape> shape_of(const Body& body) {
 
 } // namespace
 
-// Predicted link positions are needed only for swept collisions, which are not used here.
-void Figure::World::predictUnconstraintMotion(btScalar time_step) {
-    btDiscreteDynamicsWorld::predictUnconstraintMotion(time_step);
-}
-
 Figure::Figure(const Description& bodies, const WorldSettings& settings)
     : m_bodies(bodies),
       m_settings(settings),
-      m_dispatcher(&m_configuration),
-      m_world(&m_dispatcher, &m_broadphase, &m_solver, &m_configuration),
-      m_obstacles(m_world),
-      m_control(bodies, settings),
       m_state(bodies.size()),
       m_kinematics(bodies.size()),
+      m_dynamics(bodies, settings, m_kinematics),
+      m_dispatcher(&m_configuration),
+      m_solver(m_dynamics),
+      m_world(m_dispatcher, m_broadphase, m_solver, m_configuration, m_dynamics),
+      m_obstacles(m_world),
+      m_control(bodies, settings),
       m_torques(bodies.size(), btVector3(0, 0, 0)),
       m_peaks(bodies.size(), 0),
       m_last_step(settings.time_step),
@@ -94,6 +91,7 @@ void Figure::build() {
                                 body.joint - parent.center, body.center, true);
     }
     m_multi->finalizeMultiDof();
+    m_dynamics.set_body(*m_multi);
     m_multi->setHasSelfCollision(false);
     m_multi->setUseGyroTerm(true);
     m_multi->setLinearDamping(0);
@@ -118,6 +116,7 @@ void Figure::build() {
 
 // Apply the values of `vary`. A factor of 1 leaves every bit unchanged.
 void Figure::embody() {
+    m_dynamics.set_mass(m_mass);
     m_multi->setBaseMass(m_bodies[0].mass * m_mass);
     m_multi->setBaseInertia(m_bodies[0].inertia * m_mass);
     for (int link = 0; link < m_multi->getNumLinks(); ++link) {
@@ -132,9 +131,13 @@ void Figure::embody() {
 
 void Figure::write(const State& state) {
     m_state = state;
-    m_multi->setBaseWorldTransform(btTransform(state.rotation, state.position));
-    m_multi->setBaseVel(state.linear);
-    m_multi->setBaseOmega(state.angular);
+    if (m_settings.fixed_root) {
+        m_state.linear.setZero();
+        m_state.angular.setZero();
+    }
+    m_multi->setBaseWorldTransform(btTransform(m_state.rotation, m_state.position));
+    m_multi->setBaseVel(m_state.linear);
+    m_multi->setBaseOmega(m_state.angular);
     for (int link = 0; link < m_multi->getNumLinks(); ++link) {
         const std::size_t i = static_cast<std::size_t>(link) + 1;
         btScalar position[4] = {state.joints[i].x(), state.joints[i].y(), state.joints[i].z(), state.joints[i].w()};

@@ -5,12 +5,11 @@
 #include <vector>
 
 #include "BulletDynamics/Featherstone/btMultiBody.h"
-#include "BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h"
-#include "BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h"
 #include "BulletDynamics/Featherstone/btMultiBodyLinkCollider.h"
 #include "kinematics.hpp"
 #include "obstacles.hpp"
 #include "stable_pd.hpp"
+#include "world.hpp"
 
 class Figure {
 public:
@@ -51,21 +50,16 @@ public:
     const Obstacles& obstacles() const { return m_obstacles; }
 
 private:
-    class World : public btMultiBodyDynamicsWorld {
-    public:
-        using btMultiBodyDynamicsWorld::btMultiBodyDynamicsWorld;
-
-    protected:
-        void predictUnconstraintMotion(btScalar time_step) override;
-    };
-
     const Description& m_bodies;
     const WorldSettings m_settings;
+    State m_state;
+    Kinematics m_kinematics;
+    Dynamics m_dynamics;
     // Bullet keeps raw pointers to all of these: members used by others come first and are destroyed last.
     btDefaultCollisionConfiguration m_configuration{small_pools()};
     btCollisionDispatcher m_dispatcher;
     btDbvtBroadphase m_broadphase;
-    btMultiBodyConstraintSolver m_solver;
+    ContactSolver m_solver;
     std::vector<std::unique_ptr<btCollisionShape>> m_shapes;
     World m_world;
     std::unique_ptr<btRigidBody> m_ground;
@@ -74,8 +68,6 @@ private:
     Obstacles m_obstacles;
 
     StablePd m_control;
-    State m_state;
-    Kinematics m_kinematics;
     std::vector<btVector3> m_torques;
     std::vector<btScalar> m_peaks;
     bool m_exploded = false;

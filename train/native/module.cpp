@@ -197,7 +197,7 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 } // namespace
 
 PYBIND11_MODULE(kinemimic_native, m) {
-    m.doc() = "Batches of humanoids on Bullet's own C++, with stable PD in the loop.";
+    m.doc() = "Batches of humanoids in Bullet, with our own dynamics, contacts and stable PD control.";
     // Increased whenever arguments or results change; train/sim/engines.py accepts only this number.
     m.attr("interface") = 5;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);

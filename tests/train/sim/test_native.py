@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peers.stance import STEP, upright
 
 from kinemimic.pipeline.gravity import GRAVITY
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_rotvec, multiply, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, Obstacle, Poses
 
 native = pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
 from kinemimic.train.sim.native_world import SETTINGS, NativeWorld, description  # noqa: E402 (needs the extension)
@@ -147,6 +148,57 @@ def test_agrees_with_pybullet(motion: Any, height: float, bound: float) -> None:
         assert world.contacts().any() == (height == 0.0)
         world.close()
     assert np.abs(ends[0] - ends[1]).max() < (bound if native.double_precision else 1e-3)
+
+
+def test_contacts_of_many_limbs_agree_with_pybullet() -> None:
+    """Humanoids that are thrown to the ground, after 0.3 s."""
+    random, size = np.random.default_rng(3), 8
+    joints, still = np.stack([posed(seed) for seed in range(size)]), np.zeros((size, SUBSTEPS, 14, 3))
+    poses = Poses(
+        np.tile([0.0, 0.0, 1.3], (size, 1)), from_rotvec(random.normal(0, 1.5, (size, 3))),
+        np.tile([0.0, 0.0, -3.0], (size, 1)), random.normal(0, 1.0, (size, 3)), joints, still[:, 0],
+    )  # fmt: skip
+    ends = []
+    for engine in ("native", "pybullet"):
+        world = open_world(size, engine)
+        world.reset(np.arange(size), poses)
+        for _ in range(9):
+            state = world.step(np.tile(joints[:, None], (1, SUBSTEPS, 1, 1)), still)
+        ends.append((state.positions.copy(), world.contact_forces() / 1e3))
+        world.close()
+    touching = np.abs(ends[0][1]).any(axis=-1).sum(axis=1)
+    assert touching.min() >= 1
+    assert touching.max() >= 4
+    for ours, theirs in zip(*ends, strict=True):
+        assert np.abs(ours - theirs).max() < (1e-4 if native.double_precision else 0.1)
+
+
+@pytest.mark.parametrize(("friction", "mass"), [(0.9, 1.0), (0.3, 1.3)])
+def test_bullets_solver_which_a_near_movable_obstacle_calls_for_agrees_with_ours(
+    friction: float, mass: float
+) -> None:
+    """A mote in the bounding box of an inclined forearm, which it does not touch."""
+    joints = np.tile([0.0, 0.0, 0.0, 1.0], (1, 14, 1))
+    joints[0, ARM[0] - 1] = from_rotvec(np.array([0.0, -np.pi / 4, 0.0]))
+    pose = replace(upright(0.9), joints=joints, root_linear=np.array([[1.0, 0.5, 0.0]]))
+    targets = np.tile(joints[:, None], (1, SUBSTEPS, 1, 1))
+    world, ends, forces = NativeWorld(1), [], []
+    world.vary(np.array([0]), np.array([friction]), np.array([mass]))
+    world.reset(np.array([0]), pose)
+    forearm, hand = (world.states().positions[0, part] for part in ARM[1:])
+    beside = np.cross((hand - forearm) / np.linalg.norm(hand - forearm), [0.0, 1.0, 0.0])
+    mote = Obstacle("sphere", (0.01, 0.01, 0.01), tuple(forearm + 0.08 * beside), mass=1e-3)
+    for near in ([], [mote]):
+        world.place(0, near)
+        world.reset(np.array([0]), pose)
+        state = world.step(targets, np.zeros((1, SUBSTEPS, 14, 3)))
+        ends.append(np.concatenate([state.positions, state.linear, state.angular]))
+        forces.append(world.contact_forces()[0])
+    assert world.obstacles(0)[0, 7:10] == pytest.approx([0, 0, -GRAVITY * STEP])
+    assert np.abs(forces[0]).max() > 30.0
+    assert not np.array_equal(*ends), "both were solved in the same way"
+    np.testing.assert_allclose(*ends, atol=1e-9 if native.double_precision else 1e-2)
+    np.testing.assert_allclose(*forces, atol=1e-6 if native.double_precision else 20.0)
 
 
 def test_a_humanoid_does_not_depend_on_its_batch_to_the_bit(motion: Any) -> None:
