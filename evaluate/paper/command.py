@@ -92,7 +92,12 @@ def _study(
     with progress("study", len(cast) + 2, unit=PERCENT) as bar:
         contests = _contests(parts, cast, trials, options, bar.advance)
         walked = _walks(parts, cast, walks, options, bar.advance)
-        times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
+        times = parts.measured(
+            "times",
+            parts.made_from([], measured_on()),
+            bar.advance,
+            partial(processing_times, seed=seed, workers=workers),
+        )
     content = {
         "schema": STUDY_SCHEMA,
         "claims": [claim.to_json() for claim in claims(comparison, contests, walked, times)],
@@ -116,19 +121,33 @@ def _study(
 def _contests(
     parts: _Parts, cast: Cast, trials: int, options: Mapping[str, Any], advance: Callable[[float], object]
 ) -> list[dict[str, Any]]:
-    """Rows of `head_to_head`, from the trials of every policy in its scenarios."""
+    """Rows of `head_to_head`, from the trials of every policy in its scenarios.
+
+    All trials that are not kept share one pool of processes, so that no core waits for the last trial of each
+    algorithm.
+    """
     scenarios = {name: find_scenario(name) for name in SCENARIOS}
-    entries = []
+    made, kept, missing = {}, {}, {}
     for name, policies in cast.items():
         faced = [scenarios[one] for one in SCENARIOS if name in policies_in(one, cast)]
-        kept = parts.kept(
-            f"trials of {name}",
-            [policies],
-            {"scenarios": [one.to_json() for one in faced], "trials": trials},
-            advance,
-            partial(_contest_trials, policies, faced, trials=trials, **options),
-        )
-        entries.append((policies, {where: list(map(Trials.from_json, of)) for where, of in kept.items()}))
+        config = {"scenarios": [one.to_json() for one in faced], "trials": trials}
+        made[name] = parts.made_from([policies], config)
+        kept[name] = parts.kept(f"trials of {name}", made[name])
+        if kept[name] is None:
+            missing[name] = policies, faced
+    advance(len(cast) - len(missing))
+    if missing:
+
+        def share(done: float) -> None:
+            advance(done * len(missing))
+
+        for name, found in contest_trials(missing, trials=trials, progress=share, **options):
+            kept[name] = {where: [one.to_json() for one in of_seeds] for where, of_seeds in found.items()}
+            parts.keep(f"trials of {name}", made[name], kept[name])
+    entries = [
+        (policies, {where: list(map(Trials.from_json, of)) for where, of in kept[name].items()})
+        for name, policies in cast.items()
+    ]
     return head_to_head(entries, SCENARIOS, over=AHEAD)
 
 
@@ -137,13 +156,8 @@ def _walks(
 ) -> Any:
     """Rows of `rooms`, from the walks of every policy through random rooms."""
     room, theirs = find_scenario(ROOM), [cast[one] for one in policies_in(ROOM, cast)]
-    return parts.kept(
-        ROOM,
-        theirs,
-        {"scenario": room.to_json(), "trials": walks},
-        advance,
-        partial(rooms, theirs, room, trials=walks, **options),
-    )
+    made = parts.made_from(theirs, {"scenario": room.to_json(), "trials": walks})
+    return parts.measured(ROOM, made, advance, partial(rooms, theirs, room, trials=walks, **options))
 
 
 def _write(comparison: Comparison, out: Path, content: Row) -> None:
@@ -158,12 +172,6 @@ def _write(comparison: Comparison, out: Path, content: Row) -> None:
     write_text(out / PAGE, study_page(comparison, content, drawn))
 
 
-def _contest_trials(*arguments: Any, **options: Any) -> dict[str, list[Row]]:
-    """JSON values of `contest_trials`."""
-    found = contest_trials(*arguments, **options)
-    return {where: [one.to_json() for one in of_seeds] for where, of_seeds in found.items()}
-
-
 def _identities(cast: Iterable[Sequence[TrainedPolicy]]) -> dict[str, str]:
     """Of every policy, by its name and the number of its seed."""
     return {f"{one.name} {k}": one.identity for policies in cast for k, one in enumerate(policies)}
@@ -175,29 +183,41 @@ class _Parts:
     def __init__(self, folder: Path, *, seed: int, engine: str) -> None:
         self._folder, self._always = folder, {"seed": seed, "engine": engine}
 
-    def kept(
-        self,
-        name: str,
-        cast: Sequence[Sequence[TrainedPolicy]],
-        config: Row,
-        advance: Callable[[float], object],
-        measure: Callable[..., Any],
-    ) -> Any:
-        """The result of `measure` for these policies and settings, from the cache if present. `measure` is
-        called with `progress`, a function that takes the share finished since its last call."""
-        wanted = provenance(
+    def made_from(self, cast: Sequence[Sequence[TrainedPolicy]], config: Row) -> Any:
+        """What a measurement of these policies with these settings is made from, as JSON values."""
+        made = provenance(
             "study",
             inputs=_identities(cast),
             config={**config, **self._always, "schema": STUDY_SCHEMA},
         )
+        return json.loads(json.dumps(made))
+
+    def kept(self, name: str, made_from: Any) -> Any:
+        """The measurement that was kept under this name; None if there is none made from the same."""
         path = self._folder / f"{name}.json"
         found = read_json(path) if path.exists() else None
-        if isinstance(found, dict) and found.get("made_from") == json.loads(json.dumps(wanted)):
+        return found["measured"] if isinstance(found, dict) and found.get("made_from") == made_from else None
+
+    def keep(self, name: str, made_from: Any, measured: Any) -> None:
+        """Keep a measurement, JSON values."""
+        write_json(self._folder / f"{name}.json", {"made_from": made_from, "measured": measured})
+
+    def measured(
+        self,
+        name: str,
+        made_from: Any,
+        advance: Callable[[float], object],
+        measure: Callable[..., Any],
+    ) -> Any:
+        """The kept measurement, or else the result of `measure`, which is called with `progress`, a function
+        that takes the share finished since its last call."""
+        found = self.kept(name, made_from)
+        if found is not None:
             advance(1.0)
-            return found["measured"]
-        measured = measure(progress=advance)
-        write_json(path, {"made_from": wanted, "measured": measured})
-        return measured
+            return found
+        found = measure(progress=advance)
+        self.keep(name, made_from, found)
+        return found
 
 
 def table(content: Row) -> RenderableType:

@@ -68,7 +68,7 @@ def _disturb(
     config = TrainConfig.from_json(record["config"])
     tasks = trial_tasks(motion, policy, config, scenarios, trials=trials, seed=seed, engine=engine)
     with progress("disturb", len(tasks), unit=PERCENT) as bar:
-        (done,) = run_all_trials([tasks], workers=workers, progress=bar.advance)
+        ((_, done),) = run_all_trials([tasks], workers=workers, progress=bar.advance)
     results = {}
     for one, found in zip(scenarios, done, strict=True):
         results[one.name] = {

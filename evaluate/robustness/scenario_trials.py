@@ -8,9 +8,8 @@ the largest possible, and 0 after a fall (`ImitationBatch.fallen`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -18,15 +17,15 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.parallel.executor import Executor, ordered_map
-from kinemimic.pipeline.parallel.task_pool import parallel_map
+from kinemimic.pipeline.parallel.executor import Executor, unordered_results
+from kinemimic.pipeline.parallel.task_pool import unordered_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.env_config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import episode_frames
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.rollout import one_by_one, roll_out
+from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
@@ -136,22 +135,27 @@ def run_all_trials(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: Callable[[int], object] | None = None,
-) -> list[list[Trials]]:
-    """For each group of tasks, the trials of each scenario, in parallel; progress: called with the number of
-    finished tasks.
+) -> Iterator[tuple[int, list[Trials]]]:
+    """(index, trials of each scenario) of each group of tasks, in the order in which the groups finish.
 
-    executor: what runs the tasks; by default `workers` processes of this machine.
+    executor: what runs the tasks; by default `workers` processes of this machine; progress: called with the
+    number of tasks finished since the last call.
     """
-    tasks = list(chain(*groups))
-    parts = iter(
-        parallel_map(run_trials, tasks, workers=workers, progress=progress)
+    tasks = [(index, task) for index, group in enumerate(groups) for task in group]
+    of_all = [task for _, task in tasks]
+    parts: list[dict[int, list[Trials]]] = [{} for _ in groups]
+    for number, found in (
+        unordered_map(run_trials, of_all, workers=workers)
         if executor is None
-        else ordered_map(executor, run_trials, tasks, progress=progress)
-    )
-    return [
-        [Trials.joined(list(of_one)) for of_one in zip(*islice(parts, len(group)), strict=True)]
-        for group in groups
-    ]
+        else unordered_results(executor, run_trials, of_all)
+    ):
+        index = tasks[number][0]
+        parts[index][number] = found
+        if progress is not None:
+            progress(1)
+        if len(parts[index]) == len(groups[index]):
+            in_order = [trials for _, trials in sorted(parts[index].items())]
+            yield index, [Trials.joined(of_one) for of_one in zip(*in_order, strict=True)]
 
 
 def trial_start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[int, float]:
@@ -193,7 +197,7 @@ def _rewards(
     def record(step: int, standing: NDArray[np.bool_]) -> None:
         rewards[:, step] = standing * batch.terms().sum(axis=1) / largest
 
-    fallen_at = roll_out(batch, one_by_one(task.policy), steps, record)
+    fallen_at = roll_out(batch, task.policy.act_one_by_one, steps, record)
     batch.world.close()
     return rewards, fallen_at
 

@@ -86,14 +86,23 @@ def ordered_map(
     progress: called with the number of tasks done since the last call. KinemimicError for a task without a
     result.
     """
-    results: dict[int, Any] = {}
+    results: dict[int, Result] = {}
+    for index, result in unordered_results(executor, work, tasks):
+        results[index] = result
+        if progress is not None:
+            progress(1)
+    return [results[index] for index in range(len(results))]
+
+
+def unordered_results(
+    executor: Executor, work: Callable[[Task], Result], tasks: Iterable[Task]
+) -> Iterator[tuple[int, Result]]:
+    """(index, result) of every task, in the order in which they finish; otherwise as `ordered_map`."""
+    outcome: Any
     for index, outcome in executor.map(partial(caught, work), tasks):
         if isinstance(outcome, Failure):
             raise KinemimicError(f"expected a result of every task, found none of one: {outcome.reason}")
         result, error = outcome
         if error is not None:
             raise error
-        results[index] = result
-        if progress is not None:
-            progress(1)
-    return [results[index] for index in range(len(results))]
+        yield index, result

@@ -52,26 +52,29 @@ def parallel_map(
     of tasks done since the last call. KinemimicError if a process died. A worker of another pool, which has a
     core of its own, carries out the tasks itself.
     """
-    if multiprocessing.current_process().daemon:
-        return [_advanced(work(task), progress) for task in tasks]
-    count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     results: dict[int, Result] = {}
-    for index, outcome in _outcomes(partial(caught, work), tasks, count):
-        if isinstance(outcome, WorkerDiedError):
-            raise outcome.among(count)
-        result, error = outcome
-        if error is not None:
-            raise error
+    for index, result in unordered_map(work, tasks, workers=workers):
         results[index] = result
         if progress is not None:
             progress(1)
     return [results[index] for index in range(len(tasks))]
 
 
-def _advanced(result: Result, progress: Callable[[int], object] | None) -> Result:
-    if progress is not None:
-        progress(1)
-    return result
+def unordered_map(
+    work: Callable[[Task], Result], tasks: Sequence[Task], *, workers: int | None = None
+) -> Iterator[tuple[int, Result]]:
+    """(index, result) of every task, in the order in which they finish; otherwise as `parallel_map`."""
+    if multiprocessing.current_process().daemon:
+        yield from enumerate(map(work, tasks))
+        return
+    count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
+    for index, outcome in _outcomes(partial(caught, work), tasks, count):
+        if isinstance(outcome, WorkerDiedError):
+            raise outcome.among(count)
+        result, error = outcome
+        if error is not None:
+            raise error
+        yield index, result
 
 
 def isolated_map(

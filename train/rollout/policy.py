@@ -61,8 +61,24 @@ class Policy:
 
     def act(self, observations: NDArray[Any]) -> Floats:
         """Mean action (N, 42) for raw observations (N, O)."""
-        # One column per environment: with the weights on the left, untransposed, the product is faster.
-        x = normalized(observations, self.mean, self.scale, self.limit).T
+        return self._forward(self._normalized(observations).T).T
+
+    def act_one_by_one(self, observations: NDArray[Any]) -> Floats:
+        """`act` on one row of observations after the other.
+
+        The last digits of a matrix product depend on its number of columns. After some contacts, a rollout
+        would depend on the size of its batch.
+        """
+        return self._forward(self._normalized(observations)[..., None])[..., 0]
+
+    def _normalized(self, observations: NDArray[Any]) -> Floats:
+        return normalized(observations, self.mean, self.scale, self.limit)
+
+    def _forward(self, x: Floats) -> Floats:
+        """Mean actions (..., 42, K) for K columns of normalised observations (..., O, K).
+
+        With the weights on the left, untransposed, the product is faster.
+        """
         for weight, bias in self.layers[:-1]:
             x = weight @ x
             x += bias[:, None]
@@ -71,7 +87,7 @@ class Policy:
             else:
                 np.maximum(x, 0.0, out=x)
         weight, bias = self.layers[-1]
-        actions: Floats = (weight @ x).T + bias
+        actions: Floats = weight @ x + bias[:, None]
         return actions if self.bound is None else np.float32(self.bound) * np.tanh(actions)
 
     def widened(self, config: TrainConfig) -> Policy:

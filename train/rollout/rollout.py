@@ -69,15 +69,6 @@ def roll_out(
     return fallen_at
 
 
-def one_by_one(policy: Policy) -> Act:
-    """`policy.act` on one row of observations after the other.
-
-    The last digits of a matrix product depend on its number of rows; after some contacts, the rollouts would
-    too.
-    """
-    return lambda observations: np.concatenate([policy.act(row[None]) for row in observations])
-
-
 def collect_trajectories(
     motion: Motion,
     policy: Policy | None,
@@ -158,7 +149,7 @@ def record_trajectory(
         if on_step is not None:
             on_step(step)
 
-    act = None if policy is None else one_by_one(policy)
+    act = None if policy is None else policy.act_one_by_one
     fallen_at = roll_out(batch, act, frames, record, until_all_fell=False)
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
     return Trajectory(

@@ -5,7 +5,7 @@ Trial k is the same for all policies: start phase and draws depend on the seed a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -15,15 +15,14 @@ from kinemimic.evaluate.robustness.scenario_trials import Trials, run_all_trials
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.train.scenario.scenario import Scenario
 
-TRIALS_PER_TASK = 15  # of each scenario: several policies are enough for many processes
+TRIALS_PER_TASK = 30  # of each scenario: several policies are enough for many processes
 
 # Of one algorithm in one scenario: the trials of each of its policies.
 OfSeeds = Sequence[Trials]
 
 
 def contest_trials(
-    policies: Sequence[TrainedPolicy],
-    scenarios: Sequence[Scenario],
+    contests: Mapping[str, tuple[Sequence[TrainedPolicy], Sequence[Scenario]]],
     *,
     trials: int,
     seed: int,
@@ -31,32 +30,40 @@ def contest_trials(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: Callable[[float], object] | None = None,
-) -> dict[str, list[Trials]]:
-    """By the scenario's name, the trials of each policy of one algorithm, one for each seed of its training.
+) -> Iterator[tuple[str, dict[str, list[Trials]]]]:
+    """For each algorithm, as its trials finish: its name and, by the scenario's name, the trials of each of
+    its policies.
 
-    trials: of every policy in each scenario; workers: processes (default: all cores); executor: what runs the
-    tasks, in place of them; progress: called with the share of trials finished since the last call.
+    contests: for each algorithm, its policies, one for each seed of its training, and the scenarios; trials:
+    of every policy in each scenario; workers: processes (default: all cores); executor: what runs the tasks,
+    in place of them; progress: called with the share of all trials finished since the last call.
     """
-    groups = [
-        trial_tasks(
-            one.motion,
-            one.policy,
-            one.config,
-            scenarios,
-            trials=trials,
-            seed=seed,
-            engine=engine,
-            per_task=TRIALS_PER_TASK,
-        )
-        for one in policies
-    ]
+    groups, names = [], []
+    for name, (policies, scenarios) in contests.items():
+        for one in policies:
+            names.append(name)
+            groups.append(
+                trial_tasks(
+                    one.motion,
+                    one.policy,
+                    one.config,
+                    scenarios,
+                    trials=trials,
+                    seed=seed,
+                    engine=engine,
+                    per_task=TRIALS_PER_TASK,
+                )
+            )
     count = sum(map(len, groups))
     share = progress and (lambda k: progress(k / count))
-    found = run_all_trials(groups, workers=workers, executor=executor, progress=share)
-    return {
-        scenario.name: list(of_seeds)
-        for scenario, of_seeds in zip(scenarios, zip(*found, strict=True), strict=True)
-    }
+    done: dict[str, dict[int, list[Trials]]] = {name: {} for name in contests}
+    for index, found in run_all_trials(groups, workers=workers, executor=executor, progress=share):
+        name = names[index]
+        done[name][index] = found
+        policies, scenarios = contests[name]
+        if len(done[name]) == len(policies):
+            of_seeds = zip(*(trials for _, trials in sorted(done[name].items())), strict=True)
+            yield name, {scenario.name: list(of) for scenario, of in zip(scenarios, of_seeds, strict=True)}
 
 
 def head_to_head(

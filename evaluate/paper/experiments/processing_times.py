@@ -83,11 +83,13 @@ def processing_times(
     nets: Sequence[tuple[int, ...]] = NETS,
     repeats: int = REPEATS,
     seed: int = 0,
+    workers: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> dict[str, Any]:
     """Measure all algorithms; returns JSON values.
 
-    progress: called with the share finished since the last call.
+    workers: processes, each with one thread and the networks of one size (default: all cores); progress:
+    called with the share finished since the last call.
 
     samples (at least two), repeats, threads (1), seed: of the measurement;
     nets: per network size, `hidden` and, by algorithm (None if stable-baselines3 is not installed),
@@ -106,9 +108,9 @@ def processing_times(
         )
         for hidden in nets
     ]
-    # In one worker process, whose numpy and torch use one thread.
+    # In worker processes, whose numpy and torch use one thread.
     found = parallel_map(
-        measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks)))
+        measured, tasks, workers=workers, progress=progress and (lambda k: progress(k / len(tasks)))
     )
     return {
         "samples": list(samples),

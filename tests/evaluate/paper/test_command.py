@@ -56,8 +56,10 @@ def times(**_: Any) -> dict[str, Any]:
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little of everything, in this process."""
     monkeypatch.setattr(module, "find_scenario", cut)
-    for user in (scenario_trials, walks):
-        monkeypatch.setattr(user, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
+    monkeypatch.setattr(walks, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
+    monkeypatch.setattr(
+        scenario_trials, "unordered_map", lambda work, tasks, **_: enumerate(map(work, tasks))
+    )
     monkeypatch.setattr(module, "processing_times", times)
 
 
@@ -136,7 +138,9 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
     pull = replace(find_scenario("pull-forward"), seconds=1.5)
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
-    ppo, ddpg = ((policies, contest_trials(policies, [pull], **options)) for policies in (one, other))
+    contests = {"PPO": (one, [pull]), "DDPG": (other, [pull])}
+    found = dict(contest_trials(contests, **options))
+    ppo, ddpg = ((policies, found[name]) for name, (policies, _) in contests.items())
     both = head_to_head([ppo, ddpg], [pull.name])
     (alone,) = head_to_head([ddpg], [pull.name], over={"DDPG": "PPO"})
     assert [row["policy"] for row in both] == ["PPO", "DDPG"]
@@ -146,7 +150,10 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     lost = [row["loss"]["share"] for row in led]
     assert led[1]["lead"]["loss"]["ahead"] == pytest.approx(lost[1] - lost[0], abs=2e-6)
     shares = list[float]()
-    contest_trials(one, [pull], **options, progress=shares.append)
+    (alone_again,) = contest_trials({"DDPG": contests["DDPG"]}, **options, progress=shares.append)
+    assert [one.to_json() for one in alone_again[1][pull.name]] == [
+        one.to_json() for one in ddpg[1][pull.name]
+    ]
     assert sum(shares) == pytest.approx(1.0)
 
 
@@ -171,8 +178,11 @@ def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Cal
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     shares = list[float]()
     there: dict[str, Any] = {**options, "executor": There(), "progress": shares.append}
-    away, here = (contest_trials(one, [pull], **where)["pull-forward"] for where in (there, options))
-    assert [trials.to_json() for trials in away] == [trials.to_json() for trials in here]
+    contests = {"PPO": (one, [pull]), "DDPG": (other, [pull])}
+    away, here = (dict(contest_trials(contests, **where)) for where in (there, options))
+    for name in contests:
+        both = ([trials.to_json() for trials in found[name]["pull-forward"]] for found in (away, here))
+        assert next(both) == next(both)
     assert walks.rooms([one, other], room, **there) == walks.rooms([one, other], room, **options)
     assert sum(shares) == pytest.approx(2.0)
 

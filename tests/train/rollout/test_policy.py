@@ -42,6 +42,15 @@ def test_stored_policy_acts_as_the_network_does(tmp_path: Path, learner) -> None
     assert record["samples"] == 7
 
 
+def test_acting_one_by_one_does_not_depend_on_the_batch_to_the_bit(learner) -> None:
+    policy = export(*learner)
+    observations = np.random.default_rng(1).normal(1.0, 3.0, (7, OBSERVATIONS))
+    actions = policy.act_one_by_one(observations)
+    np.testing.assert_allclose(actions, policy.act(observations), atol=1e-5)
+    alone = np.concatenate([policy.act(row[None]) for row in observations])
+    assert actions.tobytes() == alone.tobytes()
+
+
 def test_a_damaged_policy_is_one_clear_line(tmp_path: Path, learner) -> None:
     path = tmp_path / "p.safetensors"
     with pytest.raises(KinemimicError, match="found none"):
