@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -45,15 +46,27 @@ def interquartile(values: Sequence[float], seed: int = 0) -> Estimate:
     return Estimate(mean, *interval(_middle_half(draws)), len(found))
 
 
-def resample(seeds: NDArray[np.int64], random: np.random.Generator) -> NDArray[np.int64]:
-    """Indices of a bootstrap's resample of (N,) measurements; seeds: (N,) to which seed each belongs.
+def resamples(seeds: NDArray[np.int64]) -> NDArray[np.int64]:
+    """RESAMPLES of a bootstrap (RESAMPLES, N): how often each of (N,) measurements was drawn; deterministic.
 
-    Seeds are drawn, then measurements of each, both with replacement (Davison and Hinkley 1997, "Bootstrap
-    Methods and their Application", 3.8); with one seed, it is the usual resample.
+    seeds: (N,) to which seed each measurement belongs. Seeds are drawn, then measurements of each, both with
+    replacement (Davison and Hinkley 1997, "Bootstrap Methods and their Application", 3.8); with one seed, it
+    is the usual bootstrap. The number of measurements varies where it differs between seeds.
     """
+    return _resamples(tuple(seeds.tolist()))
+
+
+@lru_cache(maxsize=32)
+def _resamples(belonging: tuple[int, ...]) -> NDArray[np.int64]:
+    seeds, random = np.array(belonging), np.random.default_rng(0)
     members = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
-    drawn = [members[k] for k in random.integers(len(members), size=len(members))]
-    return np.concatenate([own[random.integers(len(own), size=len(own))] for own in drawn])
+    counts = np.zeros((RESAMPLES, len(seeds)), dtype=np.int64)
+    for row in counts:
+        for k in random.integers(len(members), size=len(members)):
+            own = members[k]
+            row[own] += np.bincount(random.integers(len(own), size=len(own)), minlength=len(own))
+    counts.flags.writeable = False  # it is shared
+    return counts
 
 
 def interval(draws: Array) -> tuple[float, float]:

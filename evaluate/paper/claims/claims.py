@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
+from kinemimic.evaluate.compare.learning_curves import interval, resamples
 from kinemimic.evaluate.paper.claims.claim import NOT_CONFIRMED, UNTRAINED, Best, Better, Claim, Failing
 from kinemimic.evaluate.paper.claims.learning import EPISODE, TRAINED, losses, rewards, settings
 from kinemimic.evaluate.paper.experiments.plan import AMONG, BALL, BASELINES, OURS, PPO, SEVERAL
@@ -192,8 +192,7 @@ def _of_median(values: Array, seeds: NDArray[np.int64]) -> tuple[float, float] |
     """Bootstrap interval of the median of values (N,) of these seeds (N,); none for a single value."""
     if len(values) < 2:
         return None, None
-    random = np.random.default_rng(0)
-    return interval(np.array([np.median(values[resample(seeds, random)]) for _ in range(RESAMPLES)]))
+    return interval(np.array([np.median(np.repeat(values, drawn)) for drawn in resamples(seeds)]))
 
 
 _MISSING = "stable-baselines3 is not installed"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
+from kinemimic.evaluate.compare.learning_curves import interval, resamples
 from kinemimic.evaluate.robustness.scenario_trials import (
     Trials,
     event_times,
@@ -27,8 +27,8 @@ from kinemimic.evaluate.robustness.scenario_trials import (
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.sim.world import CONTROL_RATE
 
-# A statistic of a selection of trials, given by their indices.
-Statistic = Callable[[NDArray[np.int64]], float]
+# A statistic (R,) of R selections of N trials, given by how often each was chosen (R, N).
+Statistic = Callable[[NDArray[np.int64]], Array]
 
 
 def loss(trials: Sequence[Trials]) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def loss(trials: Sequence[Trials]) -> dict[str, Any]:
     of, seeds = _joined(trials)
     stands = ~of.control_fell
     gaps = (of.control - of.rewards)[stands]
-    result = _estimate(lambda chosen: _largest(gaps[chosen]), seeds[stands], basic=True)
+    result = _estimate(lambda chosen: _largest(gaps, chosen), seeds[stands], basic=True)
     return {"share": result.pop("ahead"), **result}
 
 
@@ -53,7 +53,7 @@ def survival_interval(trials: Sequence[Trials]) -> list[float]:
     of, seeds = _joined(trials)
     upright = of.fallen_at == of.rewards.shape[1]
     low, high = summarize(of)["survived_ci95"]
-    found = _estimate(lambda chosen: float(upright[chosen].mean()), seeds)
+    found = _estimate(lambda chosen: _mean(upright, chosen), seeds)
     if found["low"] is None:
         return [low, high]
     return [min(low, found["low"]), max(high, found["high"])]
@@ -79,8 +79,8 @@ def lead(ours: Sequence[Trials], theirs: Sequence[Trials]) -> dict[str, Any]:
     # Remaining time of the trial after the first difference.
     left = [(end - one.onset_s)[pairs] for one in of_both]
 
-    def less(chosen: NDArray[np.int64]) -> float:
-        return _largest(gaps[1][chosen]) - _largest(gaps[0][chosen])
+    def less(chosen: NDArray[np.int64]) -> Array:
+        return _largest(gaps[1], chosen) - _largest(gaps[0], chosen)
 
     return {
         "loss": _estimate(less, seeds[stand], basic=True),
@@ -99,16 +99,32 @@ def _later(
 ) -> dict[str, Any]:
     """Signed difference of the median times, which are truncated at `left`."""
     ours, theirs = (np.minimum(one, end) for one, end in zip(times, left, strict=True))
-    result = _estimate(lambda chosen: sign * (median_time(ours[chosen]) - median_time(theirs[chosen])), seeds)
+    result = _estimate(lambda chosen: sign * (_median(ours, chosen) - _median(theirs, chosen)), seeds)
     known = [finite(median_time(one)) for one in times]
     if None in known:
         result["ahead"] = None
     return {**result, "ours": known[0], "theirs": known[1]}
 
 
-def _largest(gaps: Array) -> float:
-    """Maximum over time of the mean of gaps (N, T)."""
-    return float(gaps.mean(axis=0).max())
+def _mean(values: Array | NDArray[np.bool_], chosen: NDArray[np.int64]) -> Array:
+    """Mean (R, ...) of the chosen values (N, ...)."""
+    total = chosen.sum(axis=1).reshape(-1, *[1] * (values.ndim - 1))
+    mean: Array = chosen.astype(np.float64) @ values / total
+    return mean
+
+
+def _largest(gaps: Array, chosen: NDArray[np.int64]) -> Array:
+    """Maximum (R,) over time of the mean of the chosen gaps (N, T)."""
+    largest: Array = _mean(gaps, chosen).max(axis=1)
+    return largest
+
+
+def _median(times: Array, chosen: NDArray[np.int64]) -> Array:
+    """`median_time` (R,) of the chosen times (N,)."""
+    order = np.argsort(times)
+    until = chosen[:, order].cumsum(axis=1)
+    median: Array = times[order][(until > until[:, -1:] // 2).argmax(axis=1)]
+    return median
 
 
 def _estimate(statistic: Statistic, seeds: NDArray[np.int64], *, basic: bool = False) -> dict[str, Any]:
@@ -120,12 +136,10 @@ def _estimate(statistic: Statistic, seeds: NDArray[np.int64], *, basic: bool = F
     count = len(seeds)
     if not count:
         return {"ahead": None, "low": None, "high": None, "trials": 0}
-    value = statistic(np.arange(count))
+    (value,) = statistic(np.ones((1, count), dtype=np.int64)).tolist()
     if count == 1:
         return {"ahead": round(value, 6), "low": None, "high": None, "trials": 1}
-    random = np.random.default_rng(0)
-    draws = [statistic(resample(seeds, random)) for _ in range(RESAMPLES)]
-    low, high = interval(np.array(draws))
+    low, high = interval(statistic(resamples(seeds)))
     if basic:
         low, high = 2.0 * value - high, 2.0 * value - low
     result = {"ahead": value, "low": low, "high": high}
