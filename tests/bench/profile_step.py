@@ -30,7 +30,10 @@ FREQUENCY = 1999  # samples a second; odd, not to beat with anything
 # The first that matches counts. The small functions of vectors that were not inlined serve all groups.
 GROUPS = (
     ("stable PD", r"^StablePd"),
-    ("contacts: impulses", r"^Contacts|^Dynamics::(resolve|add_points)|^ContactSolver|^btMultiBodyConstraintSolver"),
+    (
+        "contacts: impulses",
+        r"^Contacts|^Dynamics::(resolve|add_points)|^ContactSolver|^btMultiBodyConstraintSolver",
+    ),
     ("articulated-body algorithm", r"^Articulation|^Dynamics|ArticulatedBody"),
     (
         "contacts: detection",
