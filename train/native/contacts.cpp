@@ -3,42 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-namespace {
-
-template <typename Columns> Columns product(const btMatrix3x3& m, const Columns& c) {
-    Columns out;
-    for (int i = 0; i < 3; ++i) {
-        const btScalar x = m[i].x(), y = m[i].y(), z = m[i].z();
-        for (std::size_t k = 0; k < std::size(out.v[i]); ++k) {
-            out.v[i][k] = x * c.v[0][k] + y * c.v[1][k] + z * c.v[2][k];
-        }
-    }
-    return out;
-}
-
-// a x c
-template <typename Columns> Columns cross(const btVector3& a, const Columns& c) {
-    Columns out;
-    for (std::size_t k = 0; k < std::size(out.v[0]); ++k) {
-        out.v[0][k] = a.y() * c.v[2][k] - a.z() * c.v[1][k];
-        out.v[1][k] = a.z() * c.v[0][k] - a.x() * c.v[2][k];
-        out.v[2][k] = a.x() * c.v[1][k] - a.y() * c.v[0][k];
-    }
-    return out;
-}
-
-template <typename Columns> Columns difference(const Columns& a, const Columns& b) {
-    Columns out;
-    for (int i = 0; i < 3; ++i) {
-        for (std::size_t k = 0; k < std::size(out.v[i]); ++k) {
-            out.v[i][k] = a.v[i][k] - b.v[i][k];
-        }
-    }
-    return out;
-}
-
-} // namespace
-
 void Contacts::clear() {
     m_points.clear();
     m_rows.clear();
@@ -87,7 +51,7 @@ void Contacts::respond(std::size_t touching) {
     while (i > 0) {
         const Articulation::Body& body = tree[i];
         m_torques[i] = torque;
-        force = difference(force, product(body.coupling, torque));
+        force = force - product(body.coupling, torque);
         torque = cross(body.arm, force);
         i = static_cast<std::size_t>(body.parent);
     }
@@ -109,8 +73,8 @@ void Contacts::respond(std::size_t touching) {
         const Articulation::Body& body = tree[b];
         const Response& parent = m_columns[static_cast<std::size_t>(body.parent)];
         Response& own = m_columns[b];
-        own.linear = difference(parent.linear, cross(body.arm, parent.angular));
-        own.angular = product(body.inverse, difference(m_torques[b], product(body.H, own.linear)));
+        own.linear = parent.linear - cross(body.arm, parent.angular);
+        own.angular = product(body.inverse, m_torques[b] - product(body.H, own.linear));
     }
     btScalar* out = &m_unit[6 * touching * stride()];
     for (std::size_t t = 0; t < m_touching.size(); ++t) {
@@ -169,7 +133,7 @@ void Contacts::prepare(const std::vector<Motion>& velocities, const btContactSol
 }
 
 // The change of a row's impulse that would bring its velocity to the target.
-btScalar Contacts::wanted(const Row& row) const {
+btScalar Contacts::correction(const Row& row) const {
     const btScalar* w = row.wrench;
     const btScalar* v = &m_motion[6 * row.body];
     const btScalar speed = (w[0] * v[0] + w[1] * v[1] + w[2] * v[2]) + (w[3] * v[3] + w[4] * v[4] + w[5] * v[5]);
@@ -188,7 +152,7 @@ btScalar Contacts::iterate() {
     btScalar largest = 0;
     for (std::size_t p = 0; p < m_points.size(); ++p) {
         Row& row = m_rows[3 * p];
-        const btScalar impulse = std::max(row.impulse + wanted(row), btScalar(0));
+        const btScalar impulse = std::max(row.impulse + correction(row), btScalar(0));
         const btScalar change = impulse - row.impulse;
         row.impulse = impulse;
         apply(3 * p, change);
@@ -199,7 +163,7 @@ btScalar Contacts::iterate() {
         Row& a = m_rows[3 * p + 1];
         Row& b = m_rows[3 * p + 2];
         const btScalar limit = m_points[p]->m_combinedFriction * m_rows[3 * p].impulse;
-        btScalar sum_a = a.impulse + wanted(a), sum_b = b.impulse + wanted(b);
+        btScalar sum_a = a.impulse + correction(a), sum_b = b.impulse + correction(b);
         const btScalar length = std::sqrt(sum_a * sum_a + sum_b * sum_b);
         if (length > limit) {
             sum_a *= limit / length;

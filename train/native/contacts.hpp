@@ -6,6 +6,7 @@
 #include "BulletCollision/NarrowPhaseCollision/btManifoldPoint.h"
 #include "BulletDynamics/ConstraintSolver/btContactSolverInfo.h"
 #include "articulation.hpp"
+#include "columns.hpp"
 
 // The equations, the order of the contacts and the end of the iterations are those of btMultiBodyConstraintSolver,
 // so that the results agree up to rounding. For each direction of each contact, Bullet computes the changes of all
@@ -26,39 +27,34 @@ public:
     void solve(const std::vector<Motion>& velocities, const btContactSolverInfo& info, std::vector<Motion>& out);
 
 private:
-    static constexpr int width = 8; // six unit wrenches, in lanes of the processor's vectors
-    struct Columns {
-        btScalar v[3][width];
-    };
     struct Response {
         Columns angular, linear;
     };
     // One direction of a contact: the normal, then the two of friction.
     struct Row {
-        std::size_t body;    // among those with contacts
-        btScalar wrench[6];  // that a unit impulse exerts on the body: a torque about its joint and a force
-        btScalar inverse;    // of the velocity that a unit impulse causes in its own direction
-        btScalar target;     // impulse that would be right if there were no others
+        std::size_t body;   // among those with contacts
+        btScalar wrench[6]; // that a unit impulse exerts on the body: a torque about its joint and a force
+        btScalar inverse;   // of the velocity that a unit impulse causes in its own direction
+        btScalar target;    // the impulse that would be right if there were no others
         btScalar impulse;
     };
 
     Articulation& m_articulation;
     std::vector<btManifoldPoint*> m_points;
     std::vector<Row> m_rows;
-    std::vector<std::size_t> m_touching;   // bodies with contacts
-    std::vector<char> m_needed;            // bodies between them and the root
-    std::vector<Response> m_columns;       // of every body to six unit wrenches on one
-    std::vector<Columns> m_torques;        // about every joint, due to the same
-    std::vector<btScalar> m_unit;          // six for each touching body, for each unit wrench on each touching body
-    std::vector<btScalar> m_responses;     // six for each touching body, for each row
-    std::vector<btScalar> m_motion;        // six for each touching body
+    std::vector<std::size_t> m_touching; // bodies with contacts
+    std::vector<char> m_needed;          // whether a body is one of these, or between one and the root
+    std::vector<Response> m_columns;     // of every needed body to six unit wrenches on one
+    std::vector<Columns> m_torques;      // about its joint, due to the same
+    // Six changes of velocity of each touching body: for each unit wrench on each, for each row, and in all.
+    std::vector<btScalar> m_unit, m_responses, m_motion;
     std::vector<Wrench> m_wrenches;
 
     std::size_t stride() const { return 6 * m_touching.size(); }
     std::size_t index_of(std::size_t body);
     void respond(std::size_t touching);
     void prepare(const std::vector<Motion>& velocities, const btContactSolverInfo& info);
-    btScalar wanted(const Row& row) const;
+    btScalar correction(const Row& row) const;
     void apply(std::size_t row, btScalar impulse);
     btScalar iterate();
 };
