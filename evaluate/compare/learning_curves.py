@@ -46,21 +46,21 @@ def interquartile(values: Sequence[float], seed: int = 0) -> Estimate:
     return Estimate(mean, *interval(_middle_half(draws)), len(found))
 
 
-def resamples(seeds: NDArray[np.int64]) -> NDArray[np.int64]:
+def resamples(seeds: NDArray[np.int64]) -> NDArray[np.int32]:
     """RESAMPLES of a bootstrap (RESAMPLES, N): how often each of (N,) measurements was drawn; deterministic.
 
     seeds: (N,) to which seed each measurement belongs. Seeds are drawn, then measurements of each, both with
     replacement (Davison and Hinkley 1997, "Bootstrap Methods and their Application", 3.8); with one seed, it
-    is the usual bootstrap. The number of measurements varies where it differs between seeds.
+    is the usual bootstrap. If seeds have different numbers of measurements, so have the resamples.
     """
     return _resamples(tuple(seeds.tolist()))
 
 
-@lru_cache(maxsize=32)
-def _resamples(belonging: tuple[int, ...]) -> NDArray[np.int64]:
+@lru_cache(maxsize=4)
+def _resamples(belonging: tuple[int, ...]) -> NDArray[np.int32]:
     seeds, random = np.array(belonging), np.random.default_rng(0)
     members = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
-    counts = np.zeros((RESAMPLES, len(seeds)), dtype=np.int64)
+    counts = np.zeros((RESAMPLES, len(seeds)), dtype=np.int32)
     for row in counts:
         for k in random.integers(len(members), size=len(members)):
             own = members[k]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ from kinemimic.evaluate.paper.page.page import study_page
 from kinemimic.evaluate.robustness.scenario_trials import Trials
 from kinemimic.pipeline.cli.options import json_option, out_option, ray_option, seed_option
 from kinemimic.pipeline.cli.picture import save
-from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.progress import Bar, progress
 from kinemimic.pipeline.cli.progress_state import PERCENT
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.files.provenance import provenance
@@ -90,13 +91,10 @@ def _study(
     if ray is not None:
         options["executor"] = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
     with progress("study", len(cast) + 2, unit=PERCENT) as bar:
-        contests = _contests(parts, cast, trials, options, bar.advance)
-        walked = _walks(parts, cast, walks, options, bar.advance)
-        times = parts.measured(
-            "times",
-            parts.made_from([], measured_on()),
-            bar.advance,
-            partial(processing_times, seed=seed, workers=workers),
+        contests = _contests(parts, cast, trials, options, bar)
+        walked = _walks(parts, cast, walks, options, bar)
+        times = parts.place("times", [], measured_on(workers)).measured(
+            bar, partial(processing_times, seed=seed, workers=workers)
         )
     content = {
         "schema": STUDY_SCHEMA,
@@ -119,7 +117,7 @@ def _study(
 
 
 def _contests(
-    parts: _Parts, cast: Cast, trials: int, options: Mapping[str, Any], advance: Callable[[float], object]
+    parts: _Parts, cast: Cast, trials: int, options: Mapping[str, Any], bar: Bar
 ) -> list[dict[str, Any]]:
     """Rows of `head_to_head`, from the trials of every policy in its scenarios.
 
@@ -127,37 +125,32 @@ def _contests(
     algorithm.
     """
     scenarios = {name: find_scenario(name) for name in SCENARIOS}
-    made, kept, missing = {}, {}, {}
+    found, missing = dict[str, Mapping[str, Sequence[Trials]]](), {}
+    places = {}
     for name, policies in cast.items():
         faced = [scenarios[one] for one in SCENARIOS if name in policies_in(one, cast)]
         config = {"scenarios": [one.to_json() for one in faced], "trials": trials}
-        made[name] = parts.made_from([policies], config)
-        kept[name] = parts.kept(f"trials of {name}", made[name])
-        if kept[name] is None:
+        place = places[name] = parts.place(f"trials of {name}", [policies], config)
+        if (kept := place.kept()) is None:
             missing[name] = policies, faced
-    advance(len(cast) - len(missing))
+        else:
+            found[name] = {where: list(map(Trials.from_json, of_seeds)) for where, of_seeds in kept.items()}
+    bar.resumed(len(found))
     if missing:
-
-        def share(done: float) -> None:
-            advance(done * len(missing))
-
-        for name, found in contest_trials(missing, trials=trials, progress=share, **options):
-            kept[name] = {where: [one.to_json() for one in of_seeds] for where, of_seeds in found.items()}
-            parts.keep(f"trials of {name}", made[name], kept[name])
-    entries = [
-        (policies, {where: list(map(Trials.from_json, of)) for where, of in kept[name].items()})
-        for name, policies in cast.items()
-    ]
-    return head_to_head(entries, SCENARIOS, over=AHEAD)
+        share = lambda done: bar.advance(done * len(missing))  # noqa: E731
+        for name, of_scenarios in contest_trials(missing, trials=trials, progress=share, **options):
+            found[name] = of_scenarios
+            places[name].keep({
+                where: [one.to_json() for one in of_seeds] for where, of_seeds in of_scenarios.items()
+            })  # fmt: skip
+    return head_to_head([(policies, found[name]) for name, policies in cast.items()], SCENARIOS, over=AHEAD)
 
 
-def _walks(
-    parts: _Parts, cast: Cast, walks: int, options: Mapping[str, Any], advance: Callable[[float], object]
-) -> Any:
+def _walks(parts: _Parts, cast: Cast, walks: int, options: Mapping[str, Any], bar: Bar) -> Any:
     """Rows of `rooms`, from the walks of every policy through random rooms."""
     room, theirs = find_scenario(ROOM), [cast[one] for one in policies_in(ROOM, cast)]
-    made = parts.made_from(theirs, {"scenario": room.to_json(), "trials": walks})
-    return parts.measured(ROOM, made, advance, partial(rooms, theirs, room, trials=walks, **options))
+    place = parts.place(ROOM, theirs, {"scenario": room.to_json(), "trials": walks})
+    return place.measured(bar, partial(rooms, theirs, room, trials=walks, **options))
 
 
 def _write(comparison: Comparison, out: Path, content: Row) -> None:
@@ -181,42 +174,46 @@ class _Parts:
     """Cache of finished measurements, one file each."""
 
     def __init__(self, folder: Path, *, seed: int, engine: str) -> None:
-        self._folder, self._always = folder, {"seed": seed, "engine": engine}
+        versions = dict(engine_identity(engine).versions)
+        self._folder, self._always = folder, {"seed": seed, "engine": engine, "versions": versions}
 
-    def made_from(self, cast: Sequence[Sequence[TrainedPolicy]], config: Row) -> Any:
-        """What a measurement of these policies with these settings is made from, as JSON values."""
+    def place(self, name: str, cast: Sequence[Sequence[TrainedPolicy]], config: Row) -> _Part:
+        """Of a measurement of these policies with these settings."""
         made = provenance(
             "study",
             inputs=_identities(cast),
             config={**config, **self._always, "schema": STUDY_SCHEMA},
         )
-        return json.loads(json.dumps(made))
+        return _Part(self._folder / f"{name}.json", json.loads(json.dumps(made)))
 
-    def kept(self, name: str, made_from: Any) -> Any:
-        """The measurement that was kept under this name; None if there is none made from the same."""
-        path = self._folder / f"{name}.json"
-        found = read_json(path) if path.exists() else None
-        return found["measured"] if isinstance(found, dict) and found.get("made_from") == made_from else None
 
-    def keep(self, name: str, made_from: Any, measured: Any) -> None:
+@dataclass(frozen=True)
+class _Part:
+    """A measurement's file, and what it is made from, as JSON values."""
+
+    path: Path
+    made_from: Any
+
+    def kept(self) -> Any:
+        """The measurement; None if there is none that was made from the same."""
+        found = read_json(self.path) if self.path.exists() else None
+        if isinstance(found, dict) and found.get("made_from") == self.made_from:
+            return found["measured"]
+        return None
+
+    def keep(self, measured: Any) -> None:
         """Keep a measurement, JSON values."""
-        write_json(self._folder / f"{name}.json", {"made_from": made_from, "measured": measured})
+        write_json(self.path, {"made_from": self.made_from, "measured": measured})
 
-    def measured(
-        self,
-        name: str,
-        made_from: Any,
-        advance: Callable[[float], object],
-        measure: Callable[..., Any],
-    ) -> Any:
+    def measured(self, bar: Bar, measure: Callable[..., Any]) -> Any:
         """The kept measurement, or else the result of `measure`, which is called with `progress`, a function
         that takes the share finished since its last call."""
-        found = self.kept(name, made_from)
+        found = self.kept()
         if found is not None:
-            advance(1.0)
+            bar.resumed(1.0)
             return found
-        found = measure(progress=advance)
-        self.keep(name, made_from, found)
+        found = measure(progress=bar.advance)
+        self.keep(found)
         return found
 
 

@@ -155,6 +155,7 @@ def run_all_trials(
             progress(1)
         if len(parts[index]) == len(groups[index]):
             in_order = [trials for _, trials in sorted(parts[index].items())]
+            parts[index].clear()
             yield index, [Trials.joined(of_one) for of_one in zip(*in_order, strict=True)]
 
 

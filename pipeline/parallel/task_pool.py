@@ -1,7 +1,7 @@
 """A function mapped over tasks by a pool of worker processes.
 
-`parallel_map` stops at the first failure; `isolated_map` limits each task's time and memory, and a task that
-fails or kills its process costs only its own result.
+`parallel_map` and `unordered_map` stop at the first failure; `isolated_map` limits each task's time and
+memory, and a task that fails or kills its process costs only its own result.
 """
 
 from __future__ import annotations

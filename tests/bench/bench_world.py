@@ -36,10 +36,10 @@ TRAINING = Row("  with observation and reward", "training_step", {})
 ROWS = (
     OURS,
     TRAINING,
-    Row("pybullet, STABLE_PD_CONTROL", "pybullet_figure", {"control": "stable_pd"}, 3.0),
+    Row("pybullet, STABLE_PD_CONTROL", "pybullet_figure", {"control": "stable_pd"}, 8.0),
     Row("pybullet motors, 10 iterations", "pybullet_figure", {"control": "motors", "iterations": 10}),
     Row("pybullet motors, 50 iterations", "pybullet_figure", {"control": "motors", "iterations": 50}),
-    Row("pybullet_envs.deep_mimic", "deep_mimic", {}, 6.0),
+    Row("pybullet_envs.deep_mimic", "deep_mimic", {}, 15.0),
     Row("MuJoCo's Humanoid, for scale", "mujoco_humanoid", {}, None, "11.1 physics steps of 3 ms each"),
 )
 # Of the root, m: elsewhere it was not measured as it should be.

@@ -15,7 +15,7 @@ struct Motion {
     btVector3 angular, linear;
 };
 
-// All joints are spherical: they pass a force on but no torque. What a subtree adds to the inertia of its parent is
+// All joints are spherical: but for their motors, they pass a force on and no torque. What a subtree adds to the inertia of its parent is
 // therefore a mass matrix at the joint, three by three, where the general algorithm has six by six.
 class Articulation {
 public:

@@ -9,7 +9,7 @@
 #include "contacts.hpp"
 
 // The equations are Bullet's. In world axes, with nothing but spherical joints, and with contacts that are reduced to
-// the bodies that touch something, they take a third of the time.
+// the bodies that touch something, they take a fraction of the time.
 class Dynamics {
 public:
     // The kinematics must be those of `multi` at the beginning of every step.

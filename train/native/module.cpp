@@ -199,7 +199,7 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 PYBIND11_MODULE(kinemimic_native, m) {
     m.doc() = "Batches of humanoids in Bullet, with our own dynamics, contacts and stable PD control.";
     // Increased whenever arguments or results change; train/sim/engines.py accepts only this number.
-    m.attr("interface") = 5;
+    m.attr("interface") = 6;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);
     py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/sim/native_world.py.")
         .def(py::init(&make), py::kw_only(), py::arg("size"), py::arg("parents"), py::arg("shapes"), py::arg("sizes"),

@@ -10,7 +10,7 @@ from kinemimic.pipeline.parallel.node_identity import NodeIdentity, package_vers
 from kinemimic.train.sim.world import World
 
 ENGINES = ("auto", "native", "pybullet")
-_INTERFACE = 5  # of train/native/module.cpp
+_INTERFACE = 6  # of train/native/module.cpp
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The world on Bullet's C++ (`train/native/`): all humanoids in one call, on several threads."""
+"""The world of the native engine (`train/native/`): all humanoids in one call, on several threads."""
 
 from __future__ import annotations
 

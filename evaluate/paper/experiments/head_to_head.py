@@ -62,7 +62,7 @@ def contest_trials(
         done[name][index] = found
         policies, scenarios = contests[name]
         if len(done[name]) == len(policies):
-            of_seeds = zip(*(trials for _, trials in sorted(done[name].items())), strict=True)
+            of_seeds = zip(*(one for _, one in sorted(done.pop(name).items())), strict=True)
             yield name, {scenario.name: list(of) for scenario, of in zip(scenarios, of_seeds, strict=True)}
 
 

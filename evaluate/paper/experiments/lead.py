@@ -28,7 +28,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.train.sim.world import CONTROL_RATE
 
 # A statistic (R,) of R selections of N trials, given by how often each was chosen (R, N).
-Statistic = Callable[[NDArray[np.int64]], Array]
+Statistic = Callable[[NDArray[np.int32]], Array]
 
 
 def loss(trials: Sequence[Trials]) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def lead(ours: Sequence[Trials], theirs: Sequence[Trials]) -> dict[str, Any]:
     # Remaining time of the trial after the first difference.
     left = [(end - one.onset_s)[pairs] for one in of_both]
 
-    def less(chosen: NDArray[np.int64]) -> Array:
+    def less(chosen: NDArray[np.int32]) -> Array:
         return _largest(gaps[1], chosen) - _largest(gaps[0], chosen)
 
     return {
@@ -106,20 +106,19 @@ def _later(
     return {**result, "ours": known[0], "theirs": known[1]}
 
 
-def _mean(values: Array | NDArray[np.bool_], chosen: NDArray[np.int64]) -> Array:
+def _mean(values: Array | NDArray[np.bool_], chosen: NDArray[np.int32]) -> Array:
     """Mean (R, ...) of the chosen values (N, ...)."""
-    total = chosen.sum(axis=1).reshape(-1, *[1] * (values.ndim - 1))
-    mean: Array = chosen.astype(np.float64) @ values / total
+    mean: Array = chosen / chosen.sum(axis=1, keepdims=True) @ values
     return mean
 
 
-def _largest(gaps: Array, chosen: NDArray[np.int64]) -> Array:
+def _largest(gaps: Array, chosen: NDArray[np.int32]) -> Array:
     """Maximum (R,) over time of the mean of the chosen gaps (N, T)."""
     largest: Array = _mean(gaps, chosen).max(axis=1)
     return largest
 
 
-def _median(times: Array, chosen: NDArray[np.int64]) -> Array:
+def _median(times: Array, chosen: NDArray[np.int32]) -> Array:
     """`median_time` (R,) of the chosen times (N,)."""
     order = np.argsort(times)
     until = chosen[:, order].cumsum(axis=1)
@@ -136,7 +135,7 @@ def _estimate(statistic: Statistic, seeds: NDArray[np.int64], *, basic: bool = F
     count = len(seeds)
     if not count:
         return {"ahead": None, "low": None, "high": None, "trials": 0}
-    (value,) = statistic(np.ones((1, count), dtype=np.int64)).tolist()
+    (value,) = statistic(np.ones((1, count), dtype=np.int32)).tolist()
     if count == 1:
         return {"ahead": round(value, 6), "low": None, "high": None, "trials": 1}
     low, high = interval(statistic(resamples(seeds)))

@@ -9,11 +9,14 @@ The paper does not say what it processed. Here, for every algorithm:
 - learning: the gradient steps that the preset takes for n new samples, computed from the time of one step on
   the preset's own batch, and so proportional to n; work done once per round is not included.
 
-Times are processor time of one process with one thread, so other load on the machine hardly matters.
+Times are processor time of processes with one thread each. Every process has the networks of one size. It
+takes all algorithms and numbers of samples in turns: other load makes processor time longer, since caches and
+memory are shared, but for all alike.
 """
 
 from __future__ import annotations
 
+import os
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -122,9 +125,10 @@ def processing_times(
     }
 
 
-def measured_on() -> dict[str, Any]:
-    """What the times depend on, as JSON values: settings, packages and processor."""
+def measured_on(workers: int | None = None) -> dict[str, Any]:
+    """What the times depend on, as JSON values: settings, packages, processor and number of processes."""
     return {
+        "processes": min(workers or len(os.sched_getaffinity(0)), len(NETS)),
         "samples": list(SAMPLES),
         "nets": [list(hidden) for hidden in NETS],
         "repeats": REPEATS,

@@ -11,6 +11,7 @@ from kinemimic.evaluate.compare.learning_curves import (
     ahead,
     converged_at,
     interquartile,
+    resamples,
 )
 
 
@@ -37,6 +38,19 @@ def test_the_interval_covers_as_often_as_it_says() -> None:
     assert 0.88 <= covered / 200 <= 0.99
     values = random.normal(0.0, 1.0, 6).tolist()
     assert interquartile(values) == interquartile(values)
+
+
+def test_resamples_draw_seeds_and_then_as_many_measurements_as_each_has() -> None:
+    one = resamples(np.zeros(4, dtype=np.int64))
+    assert (one.sum(axis=1) == 4).all()
+    assert 0.2 < (one == 0).mean() < 0.4  # (3 / 4) to the power of 4
+    seeds = np.array([0, 0, 1, 1, 1, 1, 1])
+    two = resamples(seeds)
+    assert set(two.sum(axis=1)) == {4, 7, 10}
+    assert set(two[:, :2].sum(axis=1)) == {0, 2, 4}
+    assert two is resamples(seeds)
+    with pytest.raises(ValueError, match="read-only"):
+        two[0, 0] = 1
 
 
 def test_a_lead_has_the_interval_of_both_groups() -> None:

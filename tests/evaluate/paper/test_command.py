@@ -22,6 +22,7 @@ from printed.documented import documented_keys
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
 from kinemimic.evaluate.paper.claims.claim import UNTRAINED
+from kinemimic.evaluate.paper.experiments import head_to_head as contest
 from kinemimic.evaluate.paper.experiments import room_walks as walks
 from kinemimic.evaluate.paper.experiments.head_to_head import contest_trials, head_to_head
 from kinemimic.evaluate.paper.experiments.plan import (
@@ -32,6 +33,7 @@ from kinemimic.evaluate.paper.experiments.plan import (
     policies_in,
 )
 from kinemimic.evaluate.robustness import scenario_trials
+from kinemimic.pipeline.cli.progress import reported_to
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import find_scenario
@@ -42,8 +44,9 @@ def cut(name: str) -> Scenario:
     return replace(find_scenario(name), seconds=1.0, obstacles=(), route=())
 
 
-def times(**_: Any) -> dict[str, Any]:
+def times(*, seed: int, workers: int | None, progress: Callable[[float], object]) -> dict[str, Any]:
     """Times that nobody measured."""
+    progress(1.0)
     one = {"mean_ms": [1.0, 2.0, 3.0], "deviation_ms": [0.1, 0.1, 0.1], "growth": 1.0}
     algorithm = {"update": one, "inference": one, "learning": {"mean_ms": [1.0, 2.0, 3.0]}}
     algorithms = {"ppo": algorithm, "ddpg": algorithm, "a2c": None, "sb3-ppo": algorithm}
@@ -56,7 +59,13 @@ def times(**_: Any) -> dict[str, Any]:
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little of everything, in this process."""
     monkeypatch.setattr(module, "find_scenario", cut)
-    monkeypatch.setattr(walks, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
+
+    def mapped(work: Any, tasks: Any, *, progress: Any, **_: Any) -> list[Any]:
+        done = [work(task) for task in tasks]
+        progress(len(done))
+        return done
+
+    monkeypatch.setattr(walks, "parallel_map", mapped)
     monkeypatch.setattr(
         scenario_trials, "unordered_map", lambda work, tasks, **_: enumerate(map(work, tasks))
     )
@@ -116,6 +125,34 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
 
 
 @pytest.mark.usefixtures("short")
+def test_an_interrupted_study_measures_what_is_missing(
+    compared: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    comparison = Comparison.load(compared())
+    asked: list[list[str]] = []
+
+    def watched(contests: Any, **options: Any) -> Any:
+        asked.append(list(contests))
+        for name, found in contest_trials(contests, **options):
+            yield name, found
+            if len(asked) == 1 and name == "DDPG":
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "contest_trials", watched)
+    options: dict[str, Any] = {"trials": 2, "walks": 1, "engine": "pybullet"}
+    with pytest.raises(KeyboardInterrupt):
+        module.study(comparison, tmp_path / "out", **options)
+    states: list[Any] = []
+    with reported_to(states.append):
+        resumed = module.study(comparison, tmp_path / "out", **options)
+    assert states[-1].done == pytest.approx(states[-1].total)
+    assert asked[0][:2] == ["PPO", "DDPG"]
+    assert asked[1] == asked[0][2:]
+    whole = module.study(comparison, tmp_path / "whole", **options)
+    assert resumed == whole
+
+
+@pytest.mark.usefixtures("short")
 def test_a_baseline_may_be_trained_on_the_walk_only(compared: Callable[..., Path], tmp_path: Path) -> None:
     walked = Comparison.load(compared(variants=("default", "ddpg", "a2c")))
     rows = {
@@ -157,7 +194,9 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     assert sum(shares) == pytest.approx(1.0)
 
 
-def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Callable[..., Path]) -> None:
+def test_trials_and_rooms_on_another_machine_are_those_of_this_one(
+    compared: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Nothing but the tasks goes there, and nothing but the results comes back."""
 
     class There:
@@ -171,9 +210,10 @@ def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Cal
                 function, task = pickle.loads(sent[index])
                 yield index, pickle.loads(pickle.dumps(function(task)))
 
-    comparison = Comparison.load(compared())
+    comparison = Comparison.load(compared(returns=(0.5, 0.4)))
     one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
     pull = replace(find_scenario("pull-forward"), seconds=1.0)
+    monkeypatch.setattr(contest, "TRIALS_PER_TASK", 2)
     room = replace(find_scenario("room"), seconds=1.0, obstacles=(), route=())
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     shares = list[float]()

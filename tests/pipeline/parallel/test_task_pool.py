@@ -16,7 +16,7 @@ import pytest
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.parallel import task_pool
-from kinemimic.pipeline.parallel.task_pool import Failure, guarded, isolated_map, parallel_map
+from kinemimic.pipeline.parallel.task_pool import Failure, guarded, isolated_map, parallel_map, unordered_map
 from kinemimic.pipeline.readers.recognise import read
 
 
@@ -28,6 +28,15 @@ def test_results_come_in_the_order_of_the_tasks() -> None:
     with pytest.raises(ValueError, match="negative") as error:
         parallel_map(math.factorial, [2, -1], workers=1)
     assert "in caught" in error.value.__notes__[0]
+    assert not multiprocessing.active_children()
+
+
+def test_results_come_as_they_are_ready_and_a_loop_that_stops_leaves_no_process() -> None:
+    naps = [0.6, 0.0]
+    assert [index for index, _ in unordered_map(time.sleep, naps, workers=2)] == [1, 0]
+    results = unordered_map(time.sleep, [0.0, 60.0], workers=2)
+    assert next(results) == (0, None)
+    results.close()
     assert not multiprocessing.active_children()
 
 

@@ -12,6 +12,7 @@ from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid import body
+from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.presets import PRESETS
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
@@ -42,8 +43,11 @@ def test_stored_policy_acts_as_the_network_does(tmp_path: Path, learner) -> None
     assert record["samples"] == 7
 
 
-def test_acting_one_by_one_does_not_depend_on_the_batch_to_the_bit(learner) -> None:
-    policy = export(*learner)
+@pytest.mark.parametrize(("activation", "bound"), [("tanh", None), ("relu", 0.5)])
+def test_acting_one_by_one_does_not_depend_on_the_batch_to_the_bit(
+    learner, activation: Activation, bound: float | None
+) -> None:
+    policy = replace(export(*learner), activation=activation, bound=bound)
     observations = np.random.default_rng(1).normal(1.0, 3.0, (7, OBSERVATIONS))
     actions = policy.act_one_by_one(observations)
     np.testing.assert_allclose(actions, policy.act(observations), atol=1e-5)

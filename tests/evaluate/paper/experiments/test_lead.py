@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.paper.experiments.lead import lead, loss, survival_interval
-from kinemimic.evaluate.robustness.scenario_trials import Trials
+from kinemimic.evaluate.paper.experiments.lead import _largest, _median, lead, loss, survival_interval
+from kinemimic.evaluate.robustness.scenario_trials import Trials, median_time
 from kinemimic.train.sim.world import CONTROL_RATE
 
 STEPS = 6
@@ -27,6 +27,16 @@ UNTOUCHED = (1.0,) * STEPS
 DIPS = (1.0, 1.0, 0.5, 1.0, 1.0, 1.0)  # from the third step, and is well again after one
 LATER = (1.0, 1.0, 0.9, 0.4, 0.9, 1.0)  # and takes three
 FALLS = (1.0, 1.0, 0.8, 0.4, 0.0, 0.0)  # two steps after
+
+
+def test_statistics_of_selections_are_those_of_the_selected_trials() -> None:
+    times = np.array([0.3, 0.1, 0.3, 0.7, 0.2])
+    chosen = np.random.default_rng(0).integers(3, size=(50, 5), dtype=np.int32)
+    chosen[:, 0] += 1
+    selected = [np.repeat(np.arange(5), row) for row in chosen]
+    assert _median(times, chosen).tolist() == [median_time(times[rows]) for rows in selected]
+    gaps = np.random.default_rng(1).normal(size=(5, 4))
+    np.testing.assert_allclose(_largest(gaps, chosen), [gaps[rows].mean(axis=0).max() for rows in selected])
 
 
 def test_the_loss_is_the_means_and_not_the_mean_of_losses() -> None:
