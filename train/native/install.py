@@ -24,7 +24,7 @@ from fetch import FetchError, fetch
 HERE = Path(__file__).resolve().parent
 BUILD = HERE.parents[1] / "build"
 LOG = BUILD / "native.log"
-COST = "training runs on pybullet, about 3 times slower"
+COST = "training runs on pybullet, about 3.5 times slower"
 
 
 class MissingError(Exception):
