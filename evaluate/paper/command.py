@@ -219,7 +219,9 @@ class _Part:
 
 def table(content: Row) -> RenderableType:
     """The claims as a table for a terminal."""
-    rows = grid("", "", "paper", "here", "", left=2)
+    rows = grid("", "", "paper", "here", left=2)
+    rows.add_column("verdict", overflow="fold", min_width=24)
+    rows.columns[0].no_wrap = True
     for claim in content["claims"]:
         paper, ours = (formatted(claim[key], claim["unit"]) for key in ("paper", "ours"))
         rows.add_row(claim["figure"], claim["what"], paper, ours, claim["verdict"])

@@ -21,7 +21,7 @@ from printed.documented import documented_keys
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
-from kinemimic.evaluate.paper.claims.claim import UNTRAINED
+from kinemimic.evaluate.paper.claims.claim import UNTRAINED, formatted
 from kinemimic.evaluate.paper.experiments import head_to_head as contest
 from kinemimic.evaluate.paper.experiments import room_walks as walks
 from kinemimic.evaluate.paper.experiments.head_to_head import contest_trials, head_to_head
@@ -120,6 +120,11 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
         again = CliRunner().invoke(module.command, [*arguments, "--json"], catch_exceptions=False)
         assert json.loads(again.stdout) == content
         assert (out / module.PAGE).read_text() == page
+        printed = CliRunner().invoke(module.command, arguments, catch_exceptions=False).stdout
+        for claim in content["claims"]:
+            assert claim["figure"] in printed
+            assert claim["what"].split()[-1] in printed
+            assert formatted(claim["paper"], claim["unit"]) in printed
         with pytest.raises(AssertionError, match="measured again"):
             CliRunner().invoke(module.command, [*arguments, "--seed=1"], catch_exceptions=False)
 
