@@ -77,10 +77,19 @@ def made(seed: int, more: int, orders: list[str], moving: list[bool]) -> Clip:
     translations[:, slides] += rng.normal(size=(frames, len(slides), 3))
     for joint, order in enumerate(orders):
         euler[:, joint] *= bool(order)
+
+    def placed() -> np.ndarray:
+        return positions_of_channels(skeleton, translations, euler, tuple(orders), Y_UP_TO_Z_UP)
+
+    # The reader takes a path for one in another unit if the pelvis would then be a leg above the ground, which it
+    # never is between two powers of ten.
+    heights = placed()[..., 2]
+    leg = float(np.median((heights[:, :1] - heights[:, [3, 6]]).max(axis=1)))
+    translations[:, 0, 1] += np.sqrt(10.0) * leg - np.median(heights[:, 0])
     return Clip(
         skeleton=skeleton,
         times=np.arange(frames) * 0.0125,
-        positions=positions_of_channels(skeleton, translations, euler, tuple(orders), Y_UP_TO_Z_UP),
+        positions=placed(),
         states=np.full((frames, joints), 2, dtype=np.uint8),
         passes=np.zeros(frames, dtype=np.int32),
         euler=euler,
