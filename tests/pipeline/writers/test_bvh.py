@@ -81,8 +81,8 @@ def made(seed: int, more: int, orders: list[str], moving: list[bool]) -> Clip:
     def placed() -> np.ndarray:
         return positions_of_channels(skeleton, translations, euler, tuple(orders), Y_UP_TO_Z_UP)
 
-    # The reader takes a path for one in another unit if the pelvis would then be a leg above the ground, which it
-    # never is between two powers of ten.
+    # The reader takes a path for one in another unit if the pelvis would then be a leg above the ground.
+    # Between two powers of ten, it never is.
     heights = placed()[..., 2]
     leg = float(np.median((heights[:, :1] - heights[:, [3, 6]]).max(axis=1)))
     translations[:, 0, 1] += np.sqrt(10.0) * leg - np.median(heights[:, 0])
