@@ -3,15 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "matrices.hpp"
+
 namespace {
-
-btMatrix3x3 skew(const btVector3& v) {
-    return btMatrix3x3(0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0);
-}
-
-btMatrix3x3 scaled(const btMatrix3x3& m, btScalar s) {
-    return btMatrix3x3(m[0] * s, m[1] * s, m[2] * s);
-}
 
 // The shorter of the two rotations.
 btVector3 rotation_vector(const btQuaternion& q) {
